@@ -1,1 +1,1 @@
-"""Conclusions of a search: verdict, competing models, intervals, minimum detectable sizes, the next motion."""
+"""Conclusions from a finished search: verdict, rivals, intervals, minimum detectable sizes, the next motion."""

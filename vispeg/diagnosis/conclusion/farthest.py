@@ -1,4 +1,8 @@
-"""Error of a model in the kind of channel that it describes worst."""
+"""Error of a model in the kind of channel (angles, torques, loads) that it describes worst.
+
+A verdict uses it, because a mean over all readings would hide wrong angles if half of the readings were loads, whose
+noise is large.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +12,13 @@ from vispeg.identify.evidence import Evidence
 
 
 def farthest(judged: Evidence, residual: np.ndarray, floor: float = 1.0) -> float:
-    """Return the largest mean squared whitened residual of a kind of channel over its floor.
-
-    A mean over all readings would hide wrong angles if half of the readings were loads, whose noise is large.
+    """Return the largest mean squared whitened residual (error over noise) of a kind of channel, over its floor.
 
     Args:
         judged: held-out evidence.
-        residual: whitened, on it.
-        floor: mean square over all readings that the correct model leaves, in noise variances; the part above 1 is
-            due to coarse or noisy encoders, hence to the principal channel.
+        residual: whitened residual on it, flat.
+        floor: mean squared whitened residual that the right model leaves over all readings. The part above 1 is due to
+            coarse or noisy encoders, so it counts in the first kind of channel (angles) only.
     """
     total: dict[str, float] = {}
     count: dict[str, int] = {}

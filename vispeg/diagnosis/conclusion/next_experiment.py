@@ -1,11 +1,11 @@
-"""The next motion to record, if something is left to find out.
+"""Choose the next motion to record, if something is left to find out.
 
-If several effects explain the recordings equally well: the motion for which the leading explanations differ most
-(T-optimal design). Over a menu of motions, maximise `sqrt(sum ((y_A - y_B) / sigma)^2)`, the distance in sigma
-between the predictions of the two best explanations (Atkinson and Fedorov, Biometrika 62(1), 1975). Below
-`next_sigma` no motion is proposed, since rounding alone may cause such a difference. If no known effect explains the
-rest: a motion that separates the regimes. Motions already recorded come last. If the model is adequate, or identified
-without a competing model, nothing is proposed.
+If several effects explain the recordings equally well, it is the motion in which the two best explanations A and B
+differ most (T-optimal design): of a menu of motions the one with the largest `sqrt(sum(((y_A - y_B) / sigma)^2))`, the
+distance of their predictions in standard deviations of the noise (Atkinson and Fedorov, Biometrika 62(1), 1975). Below
+`next_sigma` no motion is proposed, since rounding alone may cause such a difference. If the verdict is `unexplained`,
+it is a motion that shows speed, load and reversals apart. A motion already recorded is not proposed again while another
+would do. If the model is adequate, or identified without rivals, nothing is proposed.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from vispeg.sim.rollout import simulate
 from vispeg.sim.segments.segment import Segment
 from vispeg.worlds.world import World
 
-SHOWS = {  # purposes of the motions if no known effect explains the rest, in order of preference
+SHOWS = {  # motions to propose if the verdict is `unexplained`, in order of preference, and what each is for
     "triangle": "shows speed, reversal and load regimes apart, each joint alone",
     "sweep": "shows each joint over its whole reach, the others still",
     "chirp": "shows speed and frequency apart, up to what the joints' limits allow",
@@ -44,7 +44,13 @@ def next_experiment(
 ) -> tuple[NextMotion | None, dict[str, np.ndarray]]:
     """Return the record's `next_experiment` and the arrays of its picture; None if nothing is left to find out.
 
-    `recorded` names the motions already recorded, if known.
+    Args:
+        search: the finished search.
+        state: its last state.
+        rivals: of the effects that it added.
+        verdict: `unexplained` and so on.
+        seed: of the motions' random parts.
+        recorded: names of the motions already recorded, if known.
     """
     pair = _explanations(state, rivals)
     if pair is None and verdict != "unexplained":
@@ -71,13 +77,16 @@ def next_experiment(
 
 
 def repeated(name: str) -> NextMotion:
-    """Return the advice if only one recording shows what a model lacks."""
+    """Return the advice if the recording `name` is the only one that shows what a model lacks."""
     why = f"only {name} shows what the model lacks: record a second motion like it, a little faster or slower"
     return {"motion": "", "why": why}
 
 
 class _Stage:
-    """The menu of motions for the recorded robot, under its controller or a position controller like it."""
+    """The menu of motions for the recorded robot, under its position controller, or one made for it if it has another.
+
+    `beside` is advice to add to a motion's purpose.
+    """
 
     beside = ""
 
@@ -94,7 +103,10 @@ class _Stage:
         }
 
     def apart(self, a: World, b: World) -> dict[str, tuple[float, np.ndarray, np.ndarray]]:
-        """Return for each motion the distance of two worlds' predictions in sigma, and both predictions (n, nj) rad."""
+        """Return for each motion the distance of two worlds' predictions in sigma, and both predictions (n, nj) rad.
+
+        The distance is 0 if a rollout diverges.
+        """
         menu = [
             Segment(
                 self.control, 1.0 / self.control.rate_hz, {"q_cmd": m.q_cmd, "dq_cmd": m.dq_cmd},
@@ -111,7 +123,7 @@ class _Stage:
         return out
 
     def record(self, name: str, why: str) -> NextMotion:
-        """Return the `next_experiment` of a motion that is written beside the record."""
+        """Return the `next_experiment` of a motion; its samples are written to `file`, relative to the record."""
         return {
             "motion": name,
             "why": why,
@@ -150,7 +162,10 @@ class _TorqueStage(_Stage):
 
 
 def _explanations(state: State, rivals: Sequence[Rivals]) -> tuple[World, World, tuple[str, str]] | None:
-    """Return the two worlds to distinguish: the final one, and the best one that these recordings cannot exclude."""
+    """Return the worlds to tell apart, the final one and its best equal, and the labels of the effects they differ in.
+
+    None if no effect has an equal.
+    """
     pairs = [(t, r.label) for r in rivals for t in r.equals]
     if not pairs:
         return None

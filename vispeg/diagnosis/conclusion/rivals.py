@@ -1,4 +1,7 @@
-"""Competing effects that explain the held-out data as well as a chosen one."""
+"""Find the rivals of accepted effects: other effects in their place, fitted and judged on the same recordings.
+
+Rivals that explain the held-out data as well are the effect's equals; then the recordings cannot tell which is true.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,10 @@ AT_ONCE = 2**30  # bytes of derivatives that concurrent fits may hold
 
 
 def settled(search: Searching, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
-    """Return the competitors of accepted effects, after better ones have replaced the accepted effect."""
+    """Return the rivals of accepted effects, after a clearly better or likelier rival has replaced its effect.
+
+    The search goes on after each replacement.
+    """
     rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
     for _ in range(RULES.exchanges):
         better = [(t, r) for r in rivals for t in r.equals if _better(search, state, t, r.label)]
@@ -41,14 +47,17 @@ def settled(search: Searching, state: State, n_fixed: int, say: Callable[[str], 
 
 
 def _better(search: Searching, state: State, rival: Trial, label: str) -> bool:
-    """Return whether a competitor should replace the effect `label`."""
+    """Return whether a rival should replace the effect `label`: it is better, or likelier a priori and no worse."""
     (accepted,) = [e for e in state.world.effects if e.label == label]
     least = 0.0 if prior(rival.score.placed, accepted) < 1.0 else RULES.exchange
     return search.judge.gain(state.loss, rival.loss).relative >= least
 
 
 def find_rivals(search: Searching, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
-    """Find the competitors of every accepted effect, with all others kept and refitted."""
+    """Find the rivals of every accepted effect, with all other effects kept and refitted.
+
+    Up to `few` effects, the whole library is screened for each; above, the linear model proposes the rivals.
+    """
     chosen = state.world.effects[n_fixed:]
     if len(chosen) > search.few:
         return _proposed(search, state, n_fixed, say)
@@ -68,9 +77,10 @@ def find_rivals(search: Searching, state: State, n_fixed: int, say: Callable[[st
 
 
 def _tried(search: Searching, state: State, placed: EffectInstance, count: int) -> tuple[Trial, list[Trial]] | None:
-    """Return the step whose candidates were tried in place of an effect, one of `count`; None if it must be repeated.
+    """Return the step of the search in which the rivals of an effect were tried already; None if they must be tried.
 
-    If the model's form leaves correlated errors, similar effects must be tried explicitly.
+    `count` is the number of accepted effects. If the model's form leaves correlated errors (`Evidence.alike`), rivals
+    are tried anew, unless the search had one step only.
     """
     if count == len(state.steps) == 1:
         return state.steps[0]
@@ -78,9 +88,10 @@ def _tried(search: Searching, state: State, placed: EffectInstance, count: int) 
 
 
 def _goal(search: Searching, state: State) -> float | None:
-    """Return the mean squared residual that a competitor's fit must approach to continue: near the chosen one's.
+    """Return the mean squared residual that a rival's fit must be able to reach, else it stops early.
 
-    None if the model's form leaves correlated errors, because a competitor may then be equivalent and leave more.
+    It is near that of the accepted effect. None, for no early stop, if nothing is fitted, or if the model's form leaves
+    correlated errors, because a rival may then be an equal and leave more.
     """
     if state.fit is None or search.evidence.alike > 0:
         return None
@@ -90,9 +101,9 @@ def _goal(search: Searching, state: State) -> float | None:
 
 
 def _proposed(search: Searching, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
-    """Return the competitors that the linear model proposes for each of many effects, fitted and judged in one batch.
+    """Return the rivals of each of many effects: those that the linear model proposes, fitted and judged in batches.
 
-    Where the linear model cannot judge (`_beyond`), the library is screened as well.
+    At places where the linear model cannot judge (`_beyond`), the library is screened as well.
     """
     say("asking what may stand in the place of each effect")
     asked = {e.label: e.rivals for e in search.exchanges(state) if e.rivals}
@@ -122,11 +133,11 @@ def _proposed(search: Searching, state: State, n_fixed: int, say: Callable[[str]
 
 
 def _beyond(search: Searching, state: State) -> set[str]:
-    """Return places with more than noise left, where the linear model cannot judge an exchange; none at the floor.
+    """Return the places where the linear model cannot judge an exchange: `all`, and the joint with the largest error.
 
-    An effect shared by all joints, such as a delay, moves the arm by far more than noise, so a lag looks the same to
-    first order. In the joint with the largest error, an effect may imitate one without a signature, e.g.
-    load-dependent friction.
+    None if the error is at the noise floor. An effect shared by all joints, such as a delay, moves the arm by far more
+    than noise, so to first order it looks like a lag. In the joint with the largest error, an effect may imitate one
+    without a signature, such as load-dependent friction.
     """
     if search.judge.mean(state.loss) - search.judge.floor(state.world) <= RULES.at_floor - 1.0:
         return set()
@@ -135,7 +146,7 @@ def _beyond(search: Searching, state: State) -> set[str]:
 
 
 def _without(search: Searching, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> list[State]:
-    """Return the state without each of these effects, the others refitted with their previous derivatives."""
+    """Return for each of these effects the state without it, the others refitted with their previous derivatives."""
     worlds = [state.world.without(e.effect, e.where) for e in gone]
     fits: list[Fit | None] = [None] * len(gone)
     if gone and len(worlds[0].effects) > n_fixed and state.fit is not None:
@@ -151,7 +162,7 @@ def _without(search: Searching, state: State, gone: Sequence[EffectInstance], n_
 
 
 def merely_richer(judge: Judge, trial: Trial, state: State, label: str) -> bool:
-    """Return whether a competitor contains the chosen effect as a special case without being better."""
+    """Return whether a rival contains the accepted effect `label` as a special case without being clearly better."""
     name, where = _parts(label)
     kind = effect(trial.score.placed.effect)
     nested = name in kind.contains and trial.score.placed.where == where
@@ -159,9 +170,9 @@ def merely_richer(judge: Judge, trial: Trial, state: State, label: str) -> bool:
 
 
 def grown_from(judge: Judge, trial: Trial, state: State, label: str) -> bool:
-    """Return whether the chosen effect extends a competitor at its place decisively, e.g. backlash a rotor's inertia.
+    """Return whether the accepted effect `label` extends a rival at its place, as backlash extends a rotor's inertia.
 
-    The competitor may leave little of the original error, and yet the extension must remove most of that.
+    It must remove most of the error that the rival leaves, even if that is little of the original error.
     """
     name, where = _parts(label)
     grows = trial.score.placed.effect in effect(name).grows_from and trial.score.placed.where == where
@@ -176,6 +187,10 @@ def _parts(label: str) -> tuple[str, str]:
 
 
 def _compare(search: Searching, state: State, label: str, trials: list[Trial], without: float) -> Rivals:
+    """Return the rivals of the effect `label` among trials in its place; groups are none.
+
+    `without` is the held-out mean squared residual without the effect.
+    """
     others = [t for t in trials if not t.score.beside and t.score.placed.label != label]
     equals = [
         t

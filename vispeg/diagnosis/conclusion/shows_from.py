@@ -1,4 +1,9 @@
-"""Minimum detectable size of effects that were not found: smaller ones are compatible with `adequate`."""
+"""Minimum detectable sizes of effects that were not found: smaller ones would have gone unnoticed.
+
+A trial puts one magnitude of an effect at some size, the others at null (the value that removes the effect). Its trace
+is the change of the whitened residual. `least_sizes` computes from the trace the least multiple of that size that would
+pass the tests of a search.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +38,7 @@ from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.state import State
 from vispeg.worlds.model_file import model_text
 
-STEP = 1.15  # factor by which a size grows until its gain is worth its parameters
+STEP = 1.15  # factor by which a multiple is raised until the gain is worth the effect's parameters
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,7 @@ class Tried:
     Attributes:
         placed: the effect.
         name: the magnitude.
-        least: multiple of the size below which a search rejects it, whatever its trace.
+        least: multiple of the size below which a search rejects the effect, whatever its trace.
     """
 
     placed: EffectInstance
@@ -56,7 +61,7 @@ class Tried:
         return self.placed.effect, self.placed.where, self.name
 
     def at(self, times: float) -> EffectInstance:
-        """Return the effect at a multiple of the size; logarithmic magnitudes stay, as no line leads to null."""
+        """Return the effect at a multiple of the size, within bounds; a magnitude on a log scale keeps its size."""
         param = effect(self.placed.effect).params[self.name]
         if param.scale == "log":
             return self.placed
@@ -69,7 +74,7 @@ class Tried:
 
 
 class Searched(Protocol):
-    """Parts of a search needed to compute what it could have found."""
+    """The parts of a search on which the sizes depend that it could have found."""
 
     evidence: Any
     judge: Judge
@@ -81,15 +86,14 @@ class Searched(Protocol):
         ...
 
     def tested(self, state: State) -> int:
-        """Return the number of places that share the level of the test."""
+        """Return the number of places that share the significance level of a test."""
         ...
 
 
 def joints_show_from(search: Search, state: State) -> list[ShowsFrom]:
-    """Return the values of every magnitude that joint recordings do not show when added to a state; cached.
+    """Return for each effect that a state lacks the values that joint recordings would not show; the result is stored.
 
-    They follow from the signatures of the screen, taken at values estimated from the data; an effect that the data
-    rule out has no row.
+    The trials are the screen's probes, at values estimated from the data. An effect that the data rule out has no row.
     """
     count = float(search.judge.size.sum())
     over = float(state.loss.sum()) / count - search.judge.floor(state.world)
@@ -99,7 +103,7 @@ def joints_show_from(search: Search, state: State) -> list[ShowsFrom]:
 
 
 def of_joints(search: Search, state: State) -> Iterator[tuple[list[Tried], np.ndarray]]:
-    """Yield for every candidate in joint recordings its magnitudes and their signatures."""
+    """Yield the trials of every candidate in joint recordings, and the columns of its signature as their traces."""
     items = search.evidence.items
     places = candidates(search.evidence, state.world, list(items[0].robot.joints))
     asked = probes(places, items[0], joint_data(search.missing(state.world), items))
@@ -113,17 +117,18 @@ def shows_from(
     tried: Callable[[], Iterable[tuple[Sequence[Tried], np.ndarray]]],
     worth: float = 0.0,
 ) -> list[ShowsFrom]:
-    """Return for each tried effect the values of its magnitudes that these recordings do not show.
+    """Return for each tried effect the values of its magnitudes that these recordings would not show.
 
-    Computed to first order, added to the state: on the fitted recordings from the trace, on the held-out ones from
-        that of the size that the fit would yield. Of several trials of one magnitude the least detectable counts.
+    The effects are added to the state to first order: on the fitted recordings by the given traces, on the held-out
+    ones by a rollout at the least size that the fitted ones would show. Of several trials of one magnitude the least
+    detectable counts.
 
     Args:
         search: search that could have found them.
         state: state to which the effects are added.
-        tried: for each effect its magnitudes and the whitened traces (n, k) of all its fitted parameters, magnitudes
-            first; not kept, because they are as long as the recordings.
-        worth: drop of the mean squared held-out residual below which a search does not start.
+        tried: called for each effect's trials, one per magnitude, and the traces (n, k) of all its fitted parameters on
+            the fitted recordings, those of the magnitudes first. They are yielded one by one, to save memory.
+        worth: drop of the mean squared held-out residual below which a search would not start.
     """
 
     def work_out() -> list:
@@ -143,7 +148,7 @@ def shows_from(
 def _least(
     search: Searched, state: State, tried: Iterable[tuple[Sequence[Tried], np.ndarray]], worth: float
 ) -> dict[tuple[str, str, str], float]:
-    """Return the least distance from null at which each magnitude is found; infinite if never."""
+    """Return for each (effect, where, magnitude) the least distance from null at which it is found, or infinity."""
     level = float(stats.norm.isf(RULES.discoveries / max(search.tested(state), 1)))
     every = []
     for seen in _seen(search, state, tried):
@@ -152,7 +157,7 @@ def _least(
         every.append((seen, needs, promised, seen.tried.distance(promised)))
     sizes = {seen.tried.key: 0.0 for seen, *_ in every}
     sizes |= {seen.tried.key: np.inf for seen, _, _, size in every if not np.isfinite(size)}
-    # skip magnitudes with a trial that shows at no size
+    # magnitudes with a trial that no size shows are done
     shown = [(seen, needs, promised) for seen, needs, promised, _ in every if np.isfinite(sizes[seen.tried.key])]
     for (seen, needs, _), held_out in zip(shown, _held_out(search, state, shown), strict=True):
         t = seen.tried
@@ -165,13 +170,13 @@ def _least(
 
 @dataclass(frozen=True)
 class _Seen:
-    """Effect of a trial on the fitted recordings.
+    """A trial with its trace on the fitted recordings.
 
     Attributes:
         tried: the trial.
-        trace: of it.
-        taken: (naxis,) coefficients of its projection onto the model's parameters, from the fitted recordings.
-        worth_it: whether the gain at a multiple is worth the effect's parameters (`selection.bic`).
+        trace: what of it the fitted parameters of the model cannot imitate.
+        taken: (naxis,) what they imitate: coefficients of the trace along the fit's derivatives.
+        worth_it: says whether the gain at a multiple of the size is worth the effect's parameters (`selection.bic`).
     """
 
     tried: Tried
@@ -181,7 +186,7 @@ class _Seen:
 
 
 def _seen(search: Searched, state: State, tried: Iterable[tuple[Sequence[Tried], np.ndarray]]) -> Iterator[_Seen]:
-    """Yield the effect of each trial on the fitted recordings."""
+    """Yield each trial with its trace on the fitted recordings."""
     residual, blocks = state.residual, search.evidence.blocks(RULES.block)
     basis, upper = np.linalg.qr(np.zeros((len(residual), 0)) if state.fit is None else state.fit.jacobian)
     worth = _Worth(search.evidence, residual)
@@ -196,7 +201,11 @@ def _seen(search: Searched, state: State, tried: Iterable[tuple[Sequence[Tried],
 
 
 def _held_out(search: Searched, state: State, shown: Sequence[tuple[_Seen, Needs, float]]) -> Iterator[Trace]:
-    """Yield the trace of each trial on the held-out recordings, at the size that the fit would yield."""
+    """Yield the trace of each trial on the held-out recordings, per unit of its size.
+
+    `shown` has for each trial the multiple of its size at which it is rolled out. What the model's parameters imitated
+    on the fitted recordings is subtracted.
+    """
     if not shown:
         return
     judge, fit = search.judge, state.fit
@@ -211,7 +220,10 @@ def _held_out(search: Searched, state: State, shown: Sequence[tuple[_Seen, Needs
 
 
 def needed(search: Searched, state: State, placed: EffectInstance, worth: float, level: float) -> Needs:
-    """Return the acceptance criteria for an effect added to a state (`selection.accept.refusal`)."""
+    """Return what an effect added to a state must reach to be accepted (`selection.accept.refusal`).
+
+    `worth` is as in `shows_from`, `level` the required standard errors of its gain.
+    """
     count, loss = float(search.judge.size.sum()), float(state.loss.sum())
     share = search.evidence.least_gain
     drop = max(share / (1.0 - share) * loss, worth * count)
@@ -226,8 +238,8 @@ def needed(search: Searched, state: State, placed: EffectInstance, worth: float,
 class _Worth:
     """BIC test of whether a gain in fitted recordings is worth an effect's parameters (`selection.bic`).
 
-    The residual that a trial would have left there is linear in its multiple, so its square and correlations, which
-    BIC needs, are computed once.
+    If an effect were present at a multiple of a trial's size, the residual without it would grow by that multiple of
+    the trace. So the square and the correlations that BIC needs are polynomials in the multiple, computed once.
     """
 
     def __init__(self, evidence: Any, residual: np.ndarray):

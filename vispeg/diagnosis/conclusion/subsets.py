@@ -1,4 +1,4 @@
-"""Errors for each subset of the added effects, for a reader who switches effects on and off."""
+"""Held-out errors of the model with each subset of its added effects: the page lets a reader switch them on and off."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from vispeg.identify.channels import Item
 from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
 
-EVERY = 4  # most effects of which all subsets are computed; more are switched one by one
+EVERY = 4  # most effects of which all subsets are computed; of more, see `choices`
 POINTS = 700  # points in a residual's picture
 
 
 def choices(count: int) -> np.ndarray:
     """Return which of `count` effects are on in each choice, (m, count) bool: none first, all last.
 
-    Up to EVERY effects give every subset; more give the order in which they were added, and all but one.
+    Of up to EVERY effects every subset is a choice; of more, the first k effects for each k, and all but one.
     """
     if count <= EVERY:
         rows = [row[::-1] for row in product((False, True), repeat=count)]
@@ -33,7 +33,7 @@ def choices(count: int) -> np.ndarray:
 def subsets(
     judged: Evidence, world: World, n_fixed: int, alternatives: Sequence[tuple[str, World]] = ()
 ) -> dict[str, np.ndarray]:
-    """Return the arrays of `evidence.npz` under `choice/`; effects keep their values in `world` without a refit.
+    """Return the arrays of `evidence.npz` under `choice/`. Nothing is refitted: effects keep their values in `world`.
 
     Args:
         judged: held-out evidence.
@@ -41,8 +41,10 @@ def subsets(
         alternatives: label and world of each rival that explains the held-out data as well.
 
     Returns:
-        on (m, k) bool; effect, where (k,); rival (m,) its label or ""; error (m,) held-out RMS and joints (m, nj), in
-        `unit`; and for item r r/time (p,), r/residual (m, p, nj), measured minus predicted, NaN where not valid.
+        m choices of the k added effects, the alternatives last: `on` (m, k) bool, all False for an alternative;
+        `effect` and `where` (k,); `rival` (m,), an alternative's label, else ""; held-out RMS errors `error` (m,) and
+        `joints` (m, nj), in the evidence's unit; and for item number r `r/time` (p,) and `r/residual` (m, p, nj),
+        measured minus predicted, NaN where not valid.
     """
     added = world.effects[n_fixed:]
     on = choices(len(added))
@@ -74,7 +76,7 @@ def _chosen(effects: Sequence, row: np.ndarray) -> list:
 
 
 def _joint_errors(judged: Evidence, predicted: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the RMS of the principal channel over valid readings, (m, nj)."""
+    """Return the RMS error of the first channel over valid readings, (m, nj)."""
     total, count = 0.0, 0
     for item, y in zip(judged.items, predicted, strict=True):
         valid = item.valid[:, : item.nj]
@@ -84,7 +86,10 @@ def _joint_errors(judged: Evidence, predicted: Sequence[np.ndarray]) -> np.ndarr
 
 
 def _drawn(item: Item, predicted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return time (p,) and residual (m, p, nj), thinned to the minimum and maximum of each stretch."""
+    """Return time (p,) and residual (m, p, nj) for a picture; a long one has two points for each of p / 2 stretches.
+
+    These are the minimum and the maximum there.
+    """
     valid = item.valid[:, : item.nj]
     residual = np.where(valid, item.measured[:, : item.nj] - predicted[:, :, : item.nj], np.nan)
     n = len(item.segment.time)

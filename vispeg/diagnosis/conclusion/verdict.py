@@ -1,4 +1,10 @@
-"""Derive the verdict of a search: adequate, identified, ambiguous or unexplained."""
+"""Derive the verdict of a search.
+
+- adequate: the user's model is at the noise floor, and no effect was added.
+- identified: effects were added, and no rival of them explains the held-out recordings as well.
+- ambiguous: at least one of them has such a rival.
+- unexplained: too much of the error remains, or it cannot be judged.
+"""
 
 from __future__ import annotations
 
@@ -30,19 +36,20 @@ def decide(
     """Return the verdict.
 
     Args:
-        before, after: held-out mean squared whitened residual of the user's model and of the final one; 1 is the floor.
-        n_added: effects added.
+        before, after: held-out mean squared whitened residual (error over noise) of the user's model and of the final
+            one; 1 at the noise floor.
+        n_added: number of effects added.
         rivals: of the added effects.
-        depends: inputs that the final residual depends on.
-        floor: of the final model, in noise variances; above 1 where encoders are coarse or the loop feeds noise back.
-        mark: mean square left by least squares of all base parameters, friction and bias on the same recordings;
-            None: unknown.
-        unjudged: roles of the recordings if only one shows what is missing, so that nothing can be judged.
+        depends: inputs that the final residual depends on, strongest first.
+        floor: the same mean square that the right model would leave; above 1 if encoders are coarse or the loop feeds
+            noise back.
+        mark: the same that least squares of all base parameters, friction and bias leaves; None if unknown.
+        unjudged: roles of the recordings if only one shows what is missing, so that nothing can be judged; else None.
         farthest: mean square over its floor of the kind of channel that the final model describes worst; by default
-            the mean over all.
-        n_read: number of added effects read directly from the readings, whatever the error.
-        errors: held-out RMS error of the two models over the noise floor, as in the ladder, for the reason; by
-            default the roots of `before` and `after`.
+            `after` over `floor`.
+        n_read: number of added effects that were read directly from the measured angles, not fitted.
+        errors: held-out RMS errors of the two models over the noise floor, as in the ladder, for the text; by default
+            the roots of `before` and `after`.
     """
     first, last = errors or (np.sqrt(before), np.sqrt(after))
     if unjudged is not None:
@@ -91,12 +98,12 @@ def decide(
 
 
 def confounded(names: Sequence[str]) -> str:
-    """Return the reason for `ambiguous`: the labels of effects that others explain as well."""
+    """Return the reason for `ambiguous`: the labels of effects that have equals."""
     return f"these recordings cannot tell {', '.join(sorted(set(names)))} from other effects"
 
 
 def settled_names(verdict: Verdict, rivals: Sequence[Rivals], unsure: Collection[str]) -> Verdict:
-    """Return the verdict with a reason that omits tentative effects from those with competitors, as the page does."""
+    """Return an ambiguous verdict with a reason that leaves out tentative effects (`unsure`), as the page does."""
     names = [r.label for r in rivals if r.equals]
     if verdict.verdict != "ambiguous" or verdict.reason != confounded(names):
         return verdict
@@ -109,15 +116,19 @@ def unexplained(before: float, after: float, n_added: int) -> bool:
     """Return whether the error exceeds what an adequate or identified model may leave.
 
     Args:
-        before, after: held-out mean squared residual of the user's model and of the final one; 1 is the floor.
-        n_added: effects added.
+        before, after: held-out mean squared whitened residual of the user's model and of the final one; 1 at the noise
+            floor.
+        n_added: number of effects added.
     """
     explained = 1.0 - max(after - 1.0, 0.0) / max(before - 1.0, 1e-9)
     return after > RULES.adequate and (explained < RULES.explained or after > RULES.far or not n_added)
 
 
 def _of_readings(floor: float) -> str:
-    """Return a clause on the error that coarse or noisy readings leave even of the correct model, if above noise."""
+    """Return a clause on the error that coarse or noisy readings leave even of the right model; empty if it is small.
+
+    `floor` is as in `decide`.
+    """
     if floor <= 1.05:
         return ""
     return f"; coarse or noisy readings leave {floors(floor)} × the noise floor even of the right model"

@@ -1,1 +1,1 @@
-"""Fitting and acceptance of effects: search, judging on held-out blocks, backward deletion."""
+"""The search: effects are proposed, fitted to some recordings, and accepted, exchanged or removed on held-out ones."""

@@ -1,4 +1,8 @@
-"""Acceptance tests of a step's fitted candidates, and choice of the simplest of equal ones."""
+"""Acceptance tests of the fitted candidates of a step (trials), and choice of the simplest of equal ones.
+
+Two worlds are equal if held-out recordings cannot tell which is better. An alias is an effect that lowers the error
+only because it imitates a missing one; a value pushed to its bound is a sign of one.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,10 @@ from vispeg.diagnosis.selection.state import State, without
 
 
 def ranked(search: Testing, state: State, trials: list[Trial], tested: int) -> list[Trial]:
-    """Return the trials with reasons for those that fail a test; accepted first, the simplest of equal ones leading."""
+    """Return the trials with reasons for those that fail a test; those that pass first, led by the simplest of equals.
+
+    `tested` is the number of places among which the trials were chosen (`threshold`).
+    """
     level, out = threshold([t.gain.z for t in trials], tested), []
     for t in trials:
         absent = not search.shows(state, t)
@@ -27,7 +34,10 @@ def ranked(search: Testing, state: State, trials: list[Trial], tested: int) -> l
 
 
 def refusal(search: Testing, state: State, t: Trial, level: float, absent: bool) -> str:
-    """Return why a trial fails a criterion, "" if it passes; `level` is the required standard errors of its gain."""
+    """Return why a trial fails a criterion, "" if it passes.
+
+    `level` is the required standard errors of its gain, `absent` whether none of its effects is clearly present.
+    """
     if t.gain.mean <= 0:
         return "the held-out error does not fall"
     share = t.gain.mean / state.scale
@@ -55,7 +65,10 @@ def refusal(search: Testing, state: State, t: Trial, level: float, absent: bool)
 
 
 def in_order(judge: Judge, state: State, trials: list[Trial]) -> list[Trial]:
-    """Return the accepted trials first, led by the simplest of equals; candidates with a value at a bound are last."""
+    """Return the trials that passed, led by the simplest of equals, then the rejected ones, both by held-out loss.
+
+    Of those that passed, ones whose effects all ended at a bound come last, unless one is such an equal.
+    """
     passed = sorted((t for t in trials if not t.rejected), key=lambda t: (not sound(t), float(t.loss.sum())))
     if passed:
         alone = [t for t in passed if not t.score.beside and t.gain.relative >= RULES.alone and sound(t)]
@@ -73,17 +86,17 @@ def in_order(judge: Judge, state: State, trials: list[Trial]) -> list[Trial]:
 
 
 def passes(trials: Sequence[Trial]) -> bool:
-    """Return whether one of them passed, with no value at a bound."""
+    """Return whether one of them passed, not all of its effects at a bound."""
     return any(not t.rejected and sound(t) for t in trials)
 
 
 def sound(t: Trial) -> bool:
-    """Return whether an effect of a candidate ended within its bounds; one at a bound is an alias."""
+    """Return whether at least one effect of a candidate ended within its bounds; else it is probably an alias."""
     return not all(at_bound(e) for e in _own(t))
 
 
 def doubtful(t: Trial) -> bool:
-    """Return whether a candidate has a value at its bound, or one strongly correlated with another effect's."""
+    """Return whether a candidate has a value at its bound, or one strongly correlated with an earlier effect's."""
     count = len(t.fit.world.effects)
     new = [i for i, a in enumerate(t.fit.space.axes) if a.index >= count - t.score.count]
     old = [i for i in range(len(t.fit.space.axes)) if i not in new]
@@ -92,7 +105,7 @@ def doubtful(t: Trial) -> bool:
 
 
 def likelier(t: Trial, first: Trial) -> bool:
-    """Return whether a candidate adds one effect that is more likely a priori than the one that another adds."""
+    """Return whether trial `t` adds one effect that is more likely a priori than the one effect that `first` adds."""
     singles = not t.score.beside and not first.score.beside
     return singles and _own(t)[0].effect in effect(_own(first)[0].effect).likelier
 
@@ -103,10 +116,10 @@ def _own(t: Trial) -> Sequence[EffectInstance]:
 
 
 def threshold(scores: Sequence[float], tested: int) -> float:
-    """Return the score above which these of `tested` places pass at the false discovery rate `discoveries`.
+    """Return the standard normal score from which a trial passes at the false discovery rate `discoveries`.
 
-    Source: Benjamini and Hochberg, Journal of the Royal Statistical Society B 57(1), 1995; places that were not fitted
-    count as tested.
+    `scores` are those of the trials, the best of `tested` places; places that were not fitted count as tested too.
+    Source: Benjamini and Hochberg, Journal of the Royal Statistical Society B 57(1), 1995.
     """
     p = np.sort(stats.norm.sf(scores))
     levels = RULES.discoveries * np.arange(1, len(p) + 1) / max(tested, len(p), 1)
@@ -122,13 +135,19 @@ def equal(
     alike: float = 0.0,
     remaining: bool = False,
 ) -> bool:
-    """Return whether held-out data cannot distinguish a world from a better one: it is not significantly, or hardly,
-    worse.
+    """Return whether held-out data cannot tell a world from a better one: it is hardly worse, or worse by chance.
 
-    `Hardly` is relative to the residual above the floor and to the excess `without` either, or to the share `alike` of
-    what the better one removes, because no model is exact. With `remaining`, if the better world leaves little, the
-    worse one may leave at most twice as much. With `alike`, chance also includes correlated errors (`Evidence.tied`),
-    but it counts only if the worse world removes at least half as much as the better one.
+    Hardly is relative to what the better world leaves above noise, and to what the effect removes, because no model is
+    exact.
+
+    Args:
+        judge: of the held-out recordings.
+        loss, best: losses of the world and of the better one.
+        without: mean squared whitened residual without either world's effect.
+        alike: share of what the better world removes by which the other may fall short (`Evidence.alike`). Above 0,
+            chance includes correlated errors (`Evidence.tied`), but it counts only if the worse world removes at
+            least half as much as the better one.
+        remaining: allow the worse world at most about twice the better one's excess over noise, if that is small.
     """
     gain = judge.gain(loss, best)
     excess = max(judge.mean(best) - 1.0, 0.0)
@@ -142,5 +161,5 @@ def equal(
 
 
 def same_kind(a: EffectInstance, b: EffectInstance) -> bool:
-    """Return whether two effects are of one kind at one joint."""
+    """Return whether two effects are at the same joint and both of the family `joint` (friction, play, springs)."""
     return a.where == b.where and effect(a.effect).family == effect(b.effect).family == "joint"

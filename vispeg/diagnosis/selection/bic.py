@@ -1,4 +1,7 @@
-"""Decide whether an effect is worth its parameters: BIC with the effective sample size of a correlated residual."""
+"""Decide whether an effect is worth its parameters: BIC with the effective sample size of a correlated residual.
+
+Neighbouring readings share errors, so N readings count as fewer independent ones.
+"""
 
 from __future__ import annotations
 
@@ -24,12 +27,15 @@ def bic_gain(evidence: Evidence, world: World, residual: np.ndarray, fit: Fit) -
 
 
 def correlation_time(evidence: Evidence, residual: np.ndarray) -> float:
-    """Return the integrated autocorrelation time of the angle residuals in samples, >= 0.5 (white)."""
+    """Return the integrated autocorrelation time of a flat whitened residual in samples; 0.5 if it is white."""
     return time_of([_lags((np.abs(f) ** 2).sum(axis=1)) for f in spectra(evidence, residual)])
 
 
 def spectra(evidence: Evidence, residual: np.ndarray) -> list[np.ndarray]:
-    """Return the transform (n + 1, nch) of each item's n residuals, minus each channel's mean."""
+    """Return for each item the Fourier transform (n + 1, nch) of its residual, minus each column's mean.
+
+    n is the number of samples valid in all columns; items with fewer than 16 are left out.
+    """
     out, start = [], 0
     for item in evidence.items:
         r = residual[start : start + item.measured.size].reshape(item.measured.shape)[item.valid.all(axis=1)]
@@ -42,11 +48,15 @@ def spectra(evidence: Evidence, residual: np.ndarray) -> list[np.ndarray]:
 
 
 def correlations(a: Sequence[np.ndarray], b: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Return the even part of the correlation (n,) by lag of two residuals, from `spectra`; additive over pairs."""
+    """Return for each item the correlation (n,) of two residuals at lags 0 to n - 1, from their `spectra`.
+
+    It is the mean over positive and negative lags, so it adds up over sums of residuals.
+    """
     return [_lags(np.real(np.sum(np.conj(f) * g, axis=1))) for f, g in zip(a, b, strict=True)]
 
 
 def _lags(power: np.ndarray) -> np.ndarray:
+    """Return the correlation (n,) by lag of a power spectrum (n + 1,)."""
     return np.fft.irfft(power)[: len(power) - 1]
 
 

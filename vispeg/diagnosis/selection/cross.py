@@ -1,8 +1,8 @@
-"""Cross-fitting: losses on the fitted recordings, each predicted by a fit that did not use it.
+"""Cross-fitting: losses on the fitted recordings, each part predicted by a fit that did not use it.
 
-Around the joint solution a fit is linear least squares, so leaving a fold out takes one Newton step and no rollout:
-    exact where the model is linear in its parameters, as torques are in friction, inertia and bias.
-A fold is a recording, or a quarter of the only one.
+A part, called fold, is one item of the evidence (a stretch of a recording), or a part of the only one. Around the
+common solution a fit is linear least squares, so leaving a fold out takes one Newton step and no rollout. That is exact
+if the model is linear in its parameters, as torques are in friction, inertia and bias.
 """
 
 from __future__ import annotations
@@ -16,11 +16,18 @@ from vispeg.core.rules import RULES
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.identify.fit import Fit
 
-RIDGE = 1e-9  # of each parameter's information; keeps directions that a fold cannot determine fixed
+RIDGE = 1e-9  # times each parameter's information, added to it: keeps directions without information fixed
 
 
 class Cross:
-    """Folds of the fitted evidence, judged block by block like held-out recordings."""
+    """Folds of the fitted evidence, judged block by block like held-out recordings.
+
+    Args:
+        judge: on the fitted evidence.
+
+    Attributes:
+        folds: rows of the flat residual in each fold.
+    """
 
     def __init__(self, judge: Judge):
         self.judge = judge
@@ -35,9 +42,9 @@ class Cross:
             start += item.measured.size
 
     def loss(self, residual: np.ndarray, jacobian: np.ndarray | None = None) -> np.ndarray:
-        """Return the cross-validated loss (nblock, nj) of a fit with this whitened residual and derivative.
+        """Return the cross-validated loss (nblock, nj) of a fit from its whitened residual and derivatives.
 
-        Without derivatives (None) nothing was fitted.
+        If the derivatives are None, nothing was fitted, and it is the loss of the residual.
         """
         if jacobian is None or jacobian.shape[1] == 0:
             return self.judge.loss(residual)
@@ -52,15 +59,20 @@ class Cross:
         return self.judge.loss(moved)
 
     def loss_of(self, fit: Fit | None, residual: np.ndarray) -> np.ndarray:
-        """Return the cross-validated loss of a fit, or of a world without fitted effects."""
+        """Return the cross-validated loss of a fit, or, if it is None, of a world without fitted effects."""
         return self.loss(residual, None if fit is None else fit.jacobian)
 
 
 def reduced(fit: Fit, gone: Sequence[int], null: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a fit with the axes `gone` set to their `null` (naxis,), and the others moved to the new optimum.
+    """Predict, to first order, a fit without some effects: their axes at null, the others at the new optimum.
+
+    Args:
+        fit: with the effects.
+        gone: indices of their axes.
+        null: (naxis,) coordinates at which effects do nothing.
 
     Returns:
-        coordinates (naxis,), residual and Jacobian of the axes that stay, to first order.
+        coordinates (naxis,), residual (n,), and the derivatives of the axes that stay.
     """
     stay = [i for i in range(len(fit.u)) if i not in set(gone)]
     u = fit.u.copy()
@@ -78,7 +90,7 @@ def reduced(fit: Fit, gone: Sequence[int], null: np.ndarray) -> tuple[np.ndarray
 
 
 def on_held_out(judge: Judge, fit: Fit) -> Fit:
-    """Return a fit with its residual and derivatives on the held-out recordings; the last one is cached."""
+    """Return a fit with its residual and derivatives on the held-out recordings; that of the last fit is kept."""
     if judge.last is not None and judge.last[0] is fit:
         return judge.last[1]
     steps = fit.space.steps(fit.u)

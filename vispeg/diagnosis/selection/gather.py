@@ -1,7 +1,7 @@
 """Replace the errors of several links by one body: one effect added, several removed.
 
-A search by single steps may explain a load at the flange by masses and centres of the last links. Exchanges of one
-effect for one cannot reach the load, which has fewer parameters than those together.
+A search by single steps may explain a load at the flange by masses and centres of the last links. If one effect is
+exchanged for one, the search cannot get from there to the load alone, although that has fewer parameters.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ from vispeg.diagnosis.selection.state import State
 
 
 def gathered(search: Searching, state: State, n_fixed: int) -> bool:
-    """Replace all link effects of the search by one body with mass and position, if better; return whether it was."""
+    """Replace all link effects of the search by one body with mass and position, if that is better.
+
+    Return whether they were replaced; `state` is then the new one.
+    """
     links = of_links(search, state, n_fixed)
     if not links or state.fit is None:
         return False

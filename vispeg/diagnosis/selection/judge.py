@@ -1,4 +1,8 @@
-"""Judge on held-out recordings: paired differences of squared residuals, tested over blocks of time."""
+"""Judge worlds on held-out recordings: paired differences of squared residuals, tested over blocks of time.
+
+A block is a short piece of a recording, `RULES.block` seconds long. A loss is a world's summed squared whitened
+residual (error over noise) in each block and joint. Null is the value of a parameter at which its effect does nothing.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +19,19 @@ from vispeg.identify.fit import Fit
 from vispeg.identify.loops.stirred import reading_noise
 from vispeg.worlds.world import World
 
-# However bad the given model was, an identified one leaves no more than this in any kind of channel, over its floor;
-# where the mean over all is more, a search asks again (`shadows`):
-
 
 class Judge:
-    """Held-out evidence and the losses of worlds on it: sums of squares (nblock, nj) over blocks of time and joints."""
+    """An evidence, usually held out, and the losses (nblock, nj) of worlds on it.
+
+    Attributes:
+        blocks: (n,) block of each entry of the flat residual.
+        nj: number of joints, or of other columns of a channel.
+        cells: (n,) block times nj plus joint, of each entry.
+        valid: (n,) whether an entry counts.
+        size: (nblock, nj) number of valid readings.
+        stretch: (nblock,) stretch of correlated errors to which a block belongs (`Evidence.stretches`).
+        last: last fit asked about (`cross.on_held_out`), and the same with its values on this evidence.
+    """
 
     def __init__(self, evidence: Evidence):
         self.evidence = evidence
@@ -33,14 +44,14 @@ class Judge:
         self.valid = np.concatenate([i.valid.ravel() for i in evidence.items])
         self.size = self._by_cell(self.valid)
         self.stretch = evidence.stretches(self.blocks)
-        self.last: tuple[Fit, Fit] | None = None  # last fit asked about, and its values on this evidence (`cross`)
+        self.last: tuple[Fit, Fit] | None = None
 
     def losses(self, worlds: Sequence[World]) -> list[np.ndarray]:
-        """Return for each world the summed squared whitened residual of each block and joint, (nblock, nj)."""
+        """Return the `loss` of each world."""
         return [self.loss(r) for r in self.evidence.each_residual(worlds)]
 
     def loss(self, residual: np.ndarray) -> np.ndarray:
-        """Return the summed squared whitened residual of each block and joint, (nblock, nj)."""
+        """Return the summed squared whitened residual of each block and joint, (nblock, nj); each square is capped."""
         return self._by_cell(np.minimum(residual**2, RULES.cap) * self.valid)
 
     def _by_cell(self, values: np.ndarray) -> np.ndarray:
@@ -48,7 +59,7 @@ class Judge:
         return np.bincount(self.cells, weights=values, minlength=size).reshape(-1, self.nj)
 
     def mean(self, loss: np.ndarray) -> float:
-        """Return the mean squared whitened residual: 1 at the noise floor."""
+        """Return the mean squared whitened residual of a loss: 1 at the noise floor."""
         return float(loss.sum() / max(self.size.sum(), 1))
 
     def floor(self, world: World) -> float:
@@ -68,7 +79,10 @@ class Judge:
         return gain.mean * self.size.sum() <= self.evidence.tied
 
     def gain(self, before: np.ndarray, after: np.ndarray, crossed: tuple[np.ndarray, np.ndarray] | None = None) -> Gain:
-        """Return the improvement from one loss to another; cross-fitted losses, if given, are included in the test."""
+        """Return the improvement from one loss to another.
+
+        `crossed` are the cross-fitted losses of the two worlds on the fitted recordings; their blocks join the test.
+        """
         some = self.size.sum(axis=1) > 0
         diff = (before - after)[some]
         mean = float(diff.sum() / self.size.sum())
@@ -91,7 +105,11 @@ def _z(diff: np.ndarray) -> float:
 
 
 def present(fit: Fit, index: int) -> bool:
-    """Return whether the effect at `index` is present: a telling magnitude's 95 % interval excludes null."""
+    """Return whether the effect at `index` of the fit's world is present: one of its telling magnitudes is not null.
+
+    That is, its 95 % interval excludes null, or it has none. Telling are the magnitudes of `Effect.telling`, by default
+    all.
+    """
     placed = fit.world.effects[index]
     kind = effect(placed.effect)
     for name in kind.telling or kind.magnitudes:
@@ -104,10 +122,10 @@ def present(fit: Fit, index: int) -> bool:
 
 
 def adds(fit: Fit, count: int) -> bool:
-    """Return whether one of the last `count` effects of a fit is present, see `present`."""
+    """Return whether at least one of the last `count` effects of a fit is present, see `present`."""
     return any(present(fit, k) for k in range(-count, 0))
 
 
 def parameters(world: World) -> int:
-    """Return the number of free parameters."""
+    """Return the number of parameters of a world's effects, fixed ones included."""
     return sum(len(e.params) for e in world.effects)

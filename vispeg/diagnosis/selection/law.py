@@ -1,8 +1,9 @@
-"""Refine simple laws to the nested models that contain them, in all joints at once: dry friction to presliding.
+"""Refine simple laws to richer ones that contain them as a special case, in all joints at once.
 
-In a single joint a refinement is too small to be distinguished from the error of the model's form. The gears of one arm
-are alike, so all joints are refined together, as one candidate with one test. In joints where the refinement hardly
-matters the simple law is restored. Effects that are not such laws are refined one by one when they are added (`grow`).
+An example is dry friction, refined to friction with presliding. In a single joint a refinement is too small to be
+distinguished from the error of the model's form. The gears of one arm are alike, so all joints are refined together, as
+one candidate with one test. In joints where the refinement hardly matters the simple law is restored. Effects whose
+richer form has other parameters are refined one by one when they are added (`grow`).
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from vispeg.worlds.world import World
 
 
 def refined(search: Searching, state: State, n_fixed: int) -> bool:
-    """Refine simple laws where that passes the test; return whether any was refined."""
+    """Refine the first simple law whose refinement passes the test; return whether one was refined."""
     excess = search.judge.mean(state.loss) - search.judge.floor(state.world)
     for simple, kind in laws(search, state.world, n_fixed):
         removed = _removed(search, state, simple)
@@ -59,8 +60,9 @@ def refined(search: Searching, state: State, n_fixed: int) -> bool:
 
 
 def laws(search: Searching, world: World, n_fixed: int) -> Iterator[tuple[list[EffectInstance], Effect]]:
-    """Yield each effect that several joints of a world have, with each kind that contains it under the same names of
-    magnitudes.
+    """Yield each simple law that several joints of a world have, with each richer kind that the evidence can show.
+
+    A richer kind contains the law and has magnitudes of the same names. Joints that have it already are left out.
     """
     for name in dict.fromkeys(e.effect for e in world.effects[n_fixed:] if effect(e.effect).family == "joint"):
         simple = [e for e in world.effects[n_fixed:] if e.effect == name]
@@ -73,7 +75,7 @@ def laws(search: Searching, world: World, n_fixed: int) -> Iterator[tuple[list[E
 
 
 def _removed(search: Searching, state: State, simple: list[EffectInstance]) -> float:
-    """Return the mean squared whitened residual that these effects remove on the fitted recordings, to first order."""
+    """Return by how much these effects lower the mean squared whitened residual of the fitted recordings, predicted."""
     fit = state.fit
     assert fit is not None
     labels = {e.label for e in simple}
@@ -83,7 +85,7 @@ def _removed(search: Searching, state: State, simple: list[EffectInstance]) -> f
 
 
 def _starts(search: Searching, state: State, simple: list[EffectInstance], kind: Effect) -> list[list[EffectInstance]]:
-    """Return start values for the refined law: the simple one's magnitudes, with each of the guessed shapes."""
+    """Return starts of the refined law in all joints: the simple one's magnitudes, with each of the guessed shapes."""
     data = joint_data(search.missing(state.world), search.evidence.items)
     joints = list(search.evidence.items[0].robot.joints)
     guesses = [kind.guesses(data[joints.index(e.where)]) or [{}] for e in simple]
@@ -101,8 +103,9 @@ def _starts(search: Searching, state: State, simple: list[EffectInstance], kind:
 def _fitted(
     search: Searching, state: State, simple: list[EffectInstance], starts: list[list[EffectInstance]], n_fixed: int
 ) -> Trial:
-    """Fit the refined law in place of the simple one from several starts; return the best fit on the held-out
-    recordings.
+    """Fit the refined law in place of the simple one from several starts; return the fit with the least held-out loss.
+
+    `simple` are its effects, one for each joint to refine; each start has a refined effect for each of them.
     """
     worlds = [without(state.world, simple).add(*start) for start in starts]
     fits = search.fits(worlds, n_fixed, races=[Race()] * len(worlds))
@@ -113,8 +116,10 @@ def _fitted(
 
 
 def _grown(search: Searching, state: State, simple: EffectInstance) -> list[EffectInstance]:
-    """Return refined effects in place of the simple one: with its value, and shapes guessed from the data, smaller and
-    larger.
+    """Return richer effects to start from in place of the simple one.
+
+    They take over its value; their other parameters are guessed from the data, magnitudes also smaller and larger. At a
+    place that is no joint there are none.
     """
     joints = search.evidence.items[0].robot.joints
     if simple.where not in joints:
@@ -133,15 +138,16 @@ def _grown(search: Searching, state: State, simple: EffectInstance) -> list[Effe
 
 
 def _first(starts: list[EffectInstance]) -> list[EffectInstance]:
-    """Return the first few of each kind."""
+    """Return the first few starts of each kind of effect."""
     kinds = [[s for s in starts if s.effect == name] for name in dict.fromkeys(s.effect for s in starts)]
     return [s for some in kinds for s in some[: RULES.law_fitted]]
 
 
 def grow(search: Searching, state: State, placed: EffectInstance, n_fixed: int) -> None:
-    """Replace the effect just added by a richer one, of which it may be an alias, as a rotor is of backlash.
+    """Replace the effect just added by a richer one if that removes most of the rest.
 
-    A fit of the richer effect from scratch tends to end in a local minimum where the simpler one explains most.
+    The added effect may be an alias of it: rotor inertia imitates backlash. A fit of the richer effect from scratch
+    tends to end in a local minimum in which the simpler one explains most, so it starts from the simpler one's value.
     """
     simple = next(e for e in state.world.effects if (e.effect, e.where) == (placed.effect, placed.where))
     rest = state.world.without(simple.effect, simple.where)
@@ -167,9 +173,10 @@ def grow(search: Searching, state: State, placed: EffectInstance, n_fixed: int) 
 def _stands_behind(search: Searching, state: State, trial: Trial, crossed: float) -> bool:
     """Return whether a richer effect removes most of the residual above noise that the simple one leaves.
 
-    `crossed`: its gain on the cross-fitted blocks, in standard errors. A gain that is a small share of the total
-    residual, noise included, may be chance, so more is required. For an effect that contains the simple one as its
-    null, the gain itself is the test: its interval would also count errors of form common to both.
+    `crossed` is the standard normal score of its gain, cross-fitted blocks included. A gain that is a small share of
+    the total residual, noise included, may be chance, so more is required. An effect that contains the simple one as a
+    special case need not have an interval without null: the gain itself is the test, since the interval would also
+    count errors of form common to both.
     """
     gain, judge = trial.gain, search.judge
     contained = any(e.effect in effect(trial.score.placed.effect).contains for e in trial.score.out)

@@ -1,6 +1,6 @@
 """The loop of every search: each step adds the best candidate that passes the test, until none does.
 
-The evidence defines what a step tries, how an effect is fitted, and the acceptance test.
+Each kind of search is a subclass that says what a step tries, how an effect is fitted, and how it is accepted.
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ class Loop(ABC):
 
     @abstractmethod
     def start(self, world: World, n_fixed: int | None = None) -> State:
-        """Return the initial state of a search; effects of `world` after the first `n_fixed` may be refitted."""
+        """Return the initial state of a search; effects of `world` after the first `n_fixed` may be refitted.
+
+        If `n_fixed` is None, all are fixed.
+        """
 
     @abstractmethod
     def offers(self, state: State, n_fixed: int) -> list[Trial]:
@@ -34,16 +37,22 @@ class Loop(ABC):
 
     @abstractmethod
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
-        """Add the effects of a trial, one of `trials`."""
+        """Add the effects of `trial`, one of `trials`, to the state."""
 
     def settle(self, state: State, trial: Trial, before: State, n_fixed: int) -> None:
-        """Revise a state after an addition: refine the added effect, remove superfluous ones."""
+        """Revise a state after the addition of `trial` to the state `before`; by default not at all.
+
+        A search may refine the added effect and remove superfluous ones.
+        """
 
     def announce(self, state: State) -> None:
         """Report the state of the search before a step."""
 
     def ways(self) -> Sequence[Callable[[State, int], bool]]:
-        """Return the moves from a state, each returning whether it changed it; the next is tried if one did not."""
+        """Return the moves of the search, in the order of preference.
+
+        A move is called with a state and `n_fixed`, may change the state, and returns whether it did.
+        """
         return (self.advance,)
 
     def run(self, world: World, n_fixed: int | None = None) -> State:
@@ -58,7 +67,7 @@ class Loop(ABC):
         return state
 
     def go_on(self, state: State, n_fixed: int) -> None:
-        """Apply moves to a state until none changes it."""
+        """Apply to a state the first move that changes it, again and again, until none does."""
         ways = self.ways()
         while self.worth_it(state, n_fixed) and any(way(state, n_fixed) for way in ways):
             pass
@@ -77,5 +86,5 @@ class Loop(ABC):
         return state.world.label != before.world.label  # the added effect may have been removed again
 
     def worth_it(self, state: State, n_fixed: int) -> bool:
-        """Return whether another step is allowed by the number of effects."""
+        """Return whether another step may be taken: fewer effects were added than the evidence allows."""
         return len(state.world.effects) - n_fixed < self.evidence.most_effects

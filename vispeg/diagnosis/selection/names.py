@@ -1,9 +1,12 @@
-"""Decide which effects of an incomplete model may be named, by exchanges in the linear model.
+"""Decide which effects of an incomplete model may be named, by exchanges in the linear model (`Dictionary`).
 
-If part of the error stays unexplained, an effect that lowers the error may be an alias of a missing one, or several
-together of one that the search did not accept. An effect is certain only if, whichever other candidate replaces it,
-its removal costs a visible share of the unexplained error. This is tested twice: on the fitted recordings, and on the
-held-out ones with the coefficients of the fitted ones. An uncertain effect stays in the model, marked tentative.
+If part of the error stays unexplained, an accepted effect may be an alias: it imitates a missing one, alone or together
+with others. It is certain only if its removal costs a visible share of the unexplained error, whichever other candidate
+is added. This is tested twice: on the fitted recordings, and on the held-out ones with the coefficients of the fitted
+ones. An uncertain effect stays in the model, marked tentative.
+
+The functions speak of entries of the dictionary by index: `k` is the effect to remove, `c` a candidate, `model` has
+all effects of the fit. `error` is the squared residual of the whole model, `without` that without `k`.
 """
 
 from __future__ import annotations
@@ -27,22 +30,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Ground:
-    """Evidence on which exchanges are tested.
+    """The fitted or the held-out evidence, on which exchanges are tested.
 
     Attributes:
         dictionary: its linear model.
-        excess: squared residual above noise at each place: a joint's for the effects in it, that of "" for all others.
+        excess: squared residual above noise of each joint, for effects in it; under "" that of all, for other effects.
     """
 
     dictionary: Dictionary
     excess: Mapping[str, float]
 
     def needed(self, k: int) -> float:
-        """Return the rise of the squared residual that removal of the entry `k` must cost."""
+        """Return the least rise of the squared residual by its removal with which the entry `k` is certain."""
         return RULES.name_costs * self.left(k)
 
     def left(self, k: int) -> float:
-        """Return the excess at an entry's place."""
+        """Return the excess at the place of the entry `k`."""
         return self.excess.get(self.dictionary.entries[k].placed.where, self.excess[""])
 
 
@@ -52,10 +55,10 @@ class Exchange:
 
     Attributes:
         label: of the effect.
-        costs: rise of the squared residual without the effect, relative to the excess at its place; the smaller of the
+        costs: rise of the squared residual by the effect's removal, over the excess at its place; the smaller of the
             values on the fitted and on the held-out recordings.
-        shaken: labels of the candidates with which the removal costs less than `name_costs`; empty if it does without
-            any.
+        shaken: labels of the candidates that make it uncertain: once one of them is in the model, the removal costs
+            less than `name_costs`. Not worked out, and empty, if it costs less already.
         rivals: candidates, with start values, that make it uncertain or fit nearly as well in its place; best first.
     """
 
@@ -66,7 +69,7 @@ class Exchange:
 
 
 def exchanges(fitted: Ground, held: Ground) -> list[Exchange]:
-    """Return an exchange for each effect of the fit; the held-out ground has the same entries as the fitted one."""
+    """Return the exchange of each effect of the fit; `held`, the held-out ground, has the same entries as `fitted`."""
     model = list(fitted.dictionary.fitted)
     beside = fitted.dictionary.gains(model)
     both = _Both(fitted.dictionary, held.dictionary)
@@ -74,7 +77,7 @@ def exchanges(fitted: Ground, held: Ground) -> list[Exchange]:
 
 
 def doubted(fitted: Ground) -> list[int]:
-    """Return the entries of candidates that need a check on the held-out recordings: few of the library."""
+    """Return the candidates that may make an effect uncertain or replace it; only they need held-out rollouts."""
     dictionary = fitted.dictionary
     model = list(dictionary.fitted)
     error, beside = dictionary.loss(model)[0], dictionary.gains(model)
@@ -87,7 +90,11 @@ def doubted(fitted: Ground) -> list[int]:
 def _doubts(
     fitted: Ground, model: list[int], k: int, beside: np.ndarray, error: float, without: float
 ) -> tuple[np.ndarray, list[int], list[int]]:
-    """Return gains of all entries in place of `k`, entries confounded with it, and hardly worse replacements."""
+    """Return the gain of every entry in place of `k`, then two lists of candidates, both ignoring bounds.
+
+    With one of the first in the model, the removal of `k` costs little. The others fit nearly as well in its place.
+    `beside` is the gain of every entry in addition to the model.
+    """
     entries = fitted.dictionary.entries
     instead = fitted.dictionary.gains([m for m in model if m != k])
     asked = [c for c in range(len(entries)) if c not in model and not _richer(entries[c].placed, entries[k].placed)]
@@ -98,12 +105,12 @@ def _doubts(
 
 
 def _near(fitted: Ground, k: int, error: float, without: float) -> float:
-    """Return the squared residual up to which a candidate in place of `k` is worth a fit."""
+    """Return the squared residual up to which a candidate in place of `k` fits nearly as well."""
     return error + RULES.name_slack * min(fitted.left(k), without - error)
 
 
 class _Both:
-    """Squared residuals of sets of entries, fitted and held out, each computed once."""
+    """Squared residuals of a set of entries, (fitted, held out), both with the fitted coefficients; computed once."""
 
     def __init__(self, fitted: Dictionary, held: Dictionary):
         self.fitted, self.held = fitted, held
@@ -139,10 +146,10 @@ def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: in
 
 
 def open_ended(state: State, n_fixed: int) -> frozenset[str]:
-    """Labels of the effects after the first `n_fixed` with a value at its bound, or an interval that includes null.
+    """Return the labels of effects after the first `n_fixed` that are never named, however well they fit.
 
-    A missing effect probably pushes a value to its bound, so such an effect is never named. Neither is an effect that
-    removes no visible share of the error.
+    These have a value at its bound, to which a missing effect probably pushes it, are not clearly present (`present`),
+    or remove no visible share of the error (`State.slight`).
     """
     out = {e.label for e in state.world.effects[n_fixed:] if e.label in state.slight}
     for index, placed in enumerate(state.world.effects[n_fixed:], n_fixed):
@@ -154,12 +161,19 @@ def open_ended(state: State, n_fixed: int) -> frozenset[str]:
 def tentative(
     state: State, n_fixed: int, exchanged: Sequence[Exchange], rivals: Sequence[Rivals], *, far: bool = False
 ) -> frozenset[str]:
-    """Labels of the effects after the first `n_fixed` that must not be named.
+    """Return the labels of effects after the first `n_fixed` that must not be named.
 
-    An effect is named if no candidate makes it uncertain, or only ones that were fitted in its place and did worse on
-    held-out recordings; with a few proven competitors it is named together with them. A model that is `far` from the
-    recordings names only effects that remove as much error as remains, because a smaller one may just compensate part
-    of the remainder.
+    An effect may be named if its removal costs enough (`Exchange.costs`), every candidate that makes it uncertain was
+    also fitted in its place, and its values are not strongly correlated with another effect's. If it has equals, it is
+    named together with them, unless they are many. In a model that is `far` from the recordings the removal must cost
+    about as much error as remains, because an effect that removes less may just compensate part of it.
+
+    Args:
+        state: the last of the search.
+        n_fixed: number of effects that were not fitted.
+        exchanged: of the linear model.
+        rivals: fitted rivals of the added effects.
+        far: whether the model is far from the recordings.
     """
     proven = {r.label: {t.score.label for t in r.equals} for r in rivals}
     tried = {r.label: {t.score.label for t in r.tried} for r in rivals}
@@ -178,7 +192,7 @@ def tentative(
 
 
 def _entangled(state: State, index: int) -> bool:
-    """Return whether a magnitude is strongly correlated with another effect's; of two that cancel, both are needed."""
+    """Return whether a magnitude of an effect is strongly correlated with one of another effect in the fit."""
     if state.fit is None:
         return False
     kinds = [effect(e.effect) for e in state.fit.world.effects]

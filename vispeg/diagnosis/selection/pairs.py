@@ -1,9 +1,9 @@
 """Propose several effects at once in one joint, none of which is visible without the others.
 
-Examples are friction, rotor inertia and bias of a torque-driven wrist, or a slow servo with limited goals. An effect
-with `Effect.distant` has no slope at null, so a fit of two cannot start there. It starts at values estimated from the
-data for both (`Effect.guesses`), tried in all combinations by rollout. Fits end in different optima, so several are
-started, and the held-out recordings choose.
+Examples are friction, rotor inertia and bias of a torque-driven wrist, or a slow servo with limited goals. A distant
+effect (`Effect.distant`) changes nothing near null, so a fit cannot start there. A fit of two starts at values
+estimated from the data for both (`Effect.guesses`), tried in all combinations by rollout. Fits end in different optima,
+so several are started, and the held-out recordings choose.
 """
 
 from __future__ import annotations
@@ -23,13 +23,14 @@ from vispeg.diagnosis.selection.searching import Searching
 from vispeg.diagnosis.selection.state import State
 from vispeg.worlds.model_file import model_text
 
-STAGES = ("goal", "regulate", "drive")  # of a joint's drive: two effects in one stage are confounded
+STAGES = ("goal", "regulate", "drive")  # hooks of a joint's drive: two effects in the same hook are confounded
 
 
 def pairs(search: Searching, state: State, missing: Sequence[MissingTorque]) -> list[Score]:
-    """Return pairs of distant effects in the joint with the largest error, best first.
+    """Return pairs of distant effects in the joint that misses most torque, best first; the answer is stored.
 
-    For each guess of one effect only the best guess of the other is kept.
+    For each guess of the first effect only the best guess of the second is kept, and of pairs with nearly the same
+    values only the best.
     """
     evidence, joints = search.evidence, search.evidence.items[0].robot.joints
     worst = int(np.argmax(joint_z(missing)))
@@ -58,7 +59,10 @@ def pairs(search: Searching, state: State, missing: Sequence[MissingTorque]) -> 
 
 
 def all_common(search: Searching, state: State, missing: Sequence[MissingTorque]) -> list[Score]:
-    """Return the effects that every arm has, as one group, in the joint with the largest missing torque."""
+    """Return as one group the effects that every arm has and the world lacks in the joint that misses most torque.
+
+    Empty if there is only one.
+    """
     joints = search.evidence.items[0].robot.joints
     worst = joints[int(np.argmax(joint_z(missing)))]
     places = [(name, where) for name, where in candidates(search.evidence, state.world, [worst]) if where == worst]
@@ -67,7 +71,7 @@ def all_common(search: Searching, state: State, missing: Sequence[MissingTorque]
 
 
 def _kinds(search: Searching, state: State, joint: str) -> Iterator[tuple[Effect, Effect]]:
-    """Yield pairs of distant effects in different stages of a joint's drive, visible and not in the world yet."""
+    """Yield pairs of distant effects in different stages of a joint's drive, visible and not in the world there."""
     taken = {e.effect for e in state.world.effects if e.where in (joint, "all")}
     far = [k for k in searchable().values() if k.distant and search.evidence.sees(k) and k.name not in taken]
     for a, b in combinations(far, 2):

@@ -1,4 +1,8 @@
-"""Proposals by the linear model for additions to a search's effects, or replacements; every answer is cached."""
+"""Candidates for a search by linear algebra alone, from signatures: effects to add, and effects to exchange.
+
+A signature is the first-order change of the residual by an effect (`evidence.signatures`); it costs rollouts, so
+signatures are kept while the world stays the same, and every answer is stored in the progress.
+"""
 
 from __future__ import annotations
 
@@ -27,17 +31,24 @@ from vispeg.worlds.world import World
 
 
 class Proposals:
-    """Candidates from linear algebra over the fitted evidence."""
+    """Candidates from linear algebra over the fitted evidence.
+
+    Attributes:
+        evidence: the fitted evidence.
+        judge: on the held-out evidence.
+        progress: stores the answers.
+        cross: cross-fitting on the fitted evidence.
+    """
 
     def __init__(self, evidence: Evidence, judge: Judge, progress: Progress):
         self.evidence, self.judge, self.progress = evidence, judge, progress
         self.cross = Cross(Judge(evidence))
-        self._beside, self._taken = "", {}  # a world as text, and the signatures relative to it
-        self._whole: dict[str, dict[str, Signature]] = {}  # the same for the world that all were last computed for
-        self._alone: dict[str, dict[tuple[str, str], Score | None]] = {}  # by world as text, scores of single places
+        self._beside, self._taken = "", {}  # the last world as text, and signatures relative to it, by probe
+        self._whole: dict[str, dict[str, Signature]] = {}  # world -> its signatures, where the whole library has them
+        self._alone: dict[str, dict[tuple[str, str], Score | None]] = {}  # world -> scores of single places
 
     def missing(self, world: World) -> list[MissingTorque]:
-        """Return the missing torque of every fitted segment under a world."""
+        """Return the missing torque of every fitted item under a world."""
         predicted = self.evidence.simulated([world])
         return [missing_torque(item, y[0]) for item, y in zip(self.evidence.items, predicted, strict=True)]
 
@@ -51,7 +62,17 @@ class Proposals:
         groups: Sequence[Sequence[tuple[str, str]]] = (),
         several: bool = False,
     ) -> list[Score]:
-        """Return `screen` for these missing torques, and with `several` also the proposals of `together`; cached."""
+        """Return the scores of `screen`, and with `several` also that of `together`, best first; stored.
+
+        Args:
+            world: to which effects are added.
+            residual: its whitened residual.
+            fit: of that world; None if nothing is fitted.
+            places: (effect, place) to score alone.
+            missing: the world's missing torque, from which values of the effects are guessed.
+            groups: groups of (effect, place) to score as one.
+            several: whether to propose also several linear effects of the whole library at once.
+        """
 
         def work_out() -> list:
             asked = [p for group in groups for p in group] + (self._straight(world) if several else [])
@@ -83,7 +104,7 @@ class Proposals:
         places: Sequence[tuple[str, str]],
         missing: Sequence[MissingTorque],
     ) -> list[Score]:
-        """Screen single places; scores already computed for the same world are reused."""
+        """Return the scores of single places, best first; scores already known for the same world are reused."""
         fresh = [p for p in places if p not in self._alone.get(model_text(world), {})]
         if fresh:
             self.screened(world, residual, fit, fresh, missing)
@@ -91,10 +112,9 @@ class Proposals:
         return sorted((s for p in places if (s := scores[p]) is not None), key=lambda s: -s.gain)
 
     def exchanges(self, state: State) -> list[Exchange]:
-        """Return for each fitted effect the loss of leaving it out given any other candidate, and its possible
-        replacements.
+        """Return the exchange of each fitted effect: what its removal costs, and what may replace it.
 
-        None where nothing was fitted.
+        Empty if nothing was fitted. The answer is stored.
         """
         if state.fit is None:
             return []
@@ -114,7 +134,10 @@ class Proposals:
         return [Exchange(a, b, tuple(c), tuple(EffectInstance.of(n, w, **v) for n, w, v in d)) for a, b, c, d in rows]
 
     def _ground(self, judge: Judge, world: World, fit: Fit, asked: Sequence[Probe]) -> Ground:
-        """Return the signatures relative to a fit on a judge's evidence, and the excess that is left there, above 0."""
+        """Return the linear model and the excess of a fit on a judge's evidence, with the candidates `asked`.
+
+        `fit` has its residual and derivatives on that evidence.
+        """
         fitted = judge.evidence is self.evidence
         taken = (
             self.signatures_of(world, fit.residual, asked)
@@ -137,13 +160,16 @@ class Proposals:
         places: Sequence[tuple[str, str]],
         missing: Sequence[MissingTorque],
     ) -> list[Signature]:
-        """Return the signatures at these places, each once, for a world with this residual."""
+        """Return the signatures at these (effect, place), each once, for a world with this residual.
+
+        Values are guessed from the `missing` torque.
+        """
         items = self.evidence.items
         asked = probes(list(dict.fromkeys(places)), items[0], joint_data(list(missing), items))
         return self.signatures_of(world, residual, asked)
 
     def signatures_of(self, world: World, residual: np.ndarray, asked: Sequence[Probe]) -> list[Signature]:
-        """Return signatures on the fitted evidence, cached for the world of the last call."""
+        """Return the signatures of probes on the fitted evidence; those of the last world are kept."""
         self._turn_to(world)
         fresh = {str(_plain(p.placed)): p for p in asked if str(_plain(p.placed)) not in self._taken}
         for key, signature in zip(fresh, signatures(self.evidence, world, residual, [*fresh.values()]), strict=True):
@@ -151,7 +177,7 @@ class Proposals:
         return [self._taken[str(_plain(p.placed))] for p in asked]
 
     def each_signature(self, world: World, residual: np.ndarray, asked: Sequence[Probe]) -> Iterator[Signature]:
-        """Yield the signatures one by one without caching them; cached ones of other worlds are dropped."""
+        """Yield the signatures of probes one by one without keeping them; those kept of other worlds are dropped."""
         self._turn_to(world)
         self._whole = {}
         held = [self._taken.get(str(_plain(p.placed))) for p in asked]
@@ -161,7 +187,7 @@ class Proposals:
             yield next(fresh) if signature is None else signature
 
     def _turn_to(self, world: World) -> None:
-        """Drop the signatures of other worlds, except those of the whole library (`exchanges`)."""
+        """Drop the signatures of other worlds, except those of the last `exchanges`."""
         beside = model_text(world)
         if beside != self._beside:
             self._beside, self._taken = beside, self._whole.get(beside, {})
@@ -172,7 +198,7 @@ class Proposals:
 
 
 def excess(judge: Judge, world: World, residual: np.ndarray) -> dict[str, float]:
-    """Return the squared residual above noise in each joint, and over all under ""; always above 0."""
+    """Return the squared whitened residual above noise in each joint, and in all under ""; at least a small share."""
     total, count = judge.loss(residual).sum(axis=0), judge.size.sum(axis=0)
     floor, joints = judge.floor(world), judge.evidence.items[0].robot.joints
     over = {joint: (total[j], count[j]) for j, joint in enumerate(joints)} | {"": (total.sum(), count.sum())}
@@ -180,4 +206,5 @@ def excess(judge: Judge, world: World, residual: np.ndarray) -> dict[str, float]
 
 
 def _plain(placed: EffectInstance) -> list:
+    """Return an effect as plain JSON data."""
     return [placed.effect, placed.where, {k: v.value for k, v in placed.params.items()}]

@@ -1,10 +1,11 @@
 """Backward deletion: remove effects that are superfluous once others have been added.
 
 The fit without an effect is predicted from the derivatives. So each effect is tested on the fitted recordings without a
-rollout (cross-fitted) and on the held-out ones with one; only a removal costs a fit. An effect that is useless on the
-fitted recordings is removed only if the held-out error does not rise by more than its standard error. An effect that
-the held-out recordings need stays even if it removes no visible share of the error, but it is not named; it is removed
-only if its interval includes null and it removes next to nothing.
+rollout (cross-fitted) and on the held-out ones with one; only a removal costs a fit. First, members of groups that are
+useless on the fitted recordings are removed together, unless the held-out error then rises beyond chance. Then effects
+that the held-out recordings do not need are removed one by one. An effect that lowers the held-out error beyond chance
+but by no visible share stays, is not named (`State.slight`), and is removed only if it may be absent and removes next
+to nothing.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from vispeg.diagnosis.selection.state import State, without
 
 
 def prune(search: Searching, state: State, n_fixed: int) -> None:
-    """Remove effects that are not needed, the least needed first, and refit the rest."""
+    """Remove effects that are not needed, the least needed first, and refit the rest; at least one effect stays."""
     spare = True
     while state.fit is not None and len(state.world.effects) - n_fixed > 1:
         useless = _spare(search, state, n_fixed) if spare else []
@@ -34,7 +35,7 @@ def prune(search: Searching, state: State, n_fixed: int) -> None:
         (fit,) = search.fits([world], n_fixed, iterations=4, columns=[columns])
         loss = search.judge.losses([fit.world])[0]
         benefit = search.judge.gain(loss, state.loss)
-        # the linear prediction was wrong
+        # then the linear prediction was wrong
         worse = search.judge.mean(loss) > (1.0 + RULES.drop_rise) * search.judge.mean(state.loss)
         if worse or (useless and benefit.mean > 0 and benefit.z > RULES.drop_chance):
             if not useless:
@@ -46,7 +47,7 @@ def prune(search: Searching, state: State, n_fixed: int) -> None:
 
 
 def _spare(search: Searching, state: State, n_fixed: int) -> list[int]:
-    """Remove effects of groups that the fitted recordings alone show to be useless; return the remaining indices."""
+    """Return the indices of group members that the fitted recordings alone show to be useless."""
     fit, gone = state.fit, []
     assert fit is not None
     null = null_of(fit)
@@ -71,7 +72,10 @@ def _spare(search: Searching, state: State, n_fixed: int) -> list[int]:
 
 
 def _refused(search: Searching, state: State, n_fixed: int) -> list[int]:
-    """Return the effect that the held-out recordings need least, if they do not need it."""
+    """Return the index, in a list, of the effect to remove that the held-out recordings need least; empty if none.
+
+    If it is empty, effects that stay although they remove no visible share are noted as `slight`.
+    """
     fit = state.fit
     assert fit is not None
     null, places = null_of(fit), list(range(n_fixed, len(state.world.effects)))
@@ -102,13 +106,13 @@ def _refused(search: Searching, state: State, n_fixed: int) -> list[int]:
 
 
 def needed(search: Testing, state: State, k: int, gain: Gain) -> bool:
-    """Return whether an effect lowers the held-out error beyond chance, and visibly."""
+    """Return whether the effect at index `k` lowers the held-out error beyond chance, and visibly, by `gain`."""
     sure = RULES.drop_member if state.grouped(state.world.effects[k]) else RULES.drop_single
     return gain.z >= sure and _matters(search, state, k, gain)
 
 
 def _matters(search: Testing, state: State, k: int, gain: Gain) -> bool:
-    """Return whether an effect removes a visible share: of all the error, or for a group's member of its joint's."""
+    """Return whether an effect removes a visible share of all error, or, as a group's member, of its joint's error."""
     placed, joints = state.world.effects[k], search.evidence.items[0].robot.joints
     local = gain.joints[joints.index(placed.where)] if placed.where in joints and state.grouped(placed) else 0.0
     return bool(gain.relative >= search.evidence.least_gain or local >= RULES.drop_local)

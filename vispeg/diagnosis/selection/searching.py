@@ -1,4 +1,8 @@
-"""Interface between a search and its steps, so that each can be read without the other."""
+"""The interface of a search to its steps (`law`, `prune`, `shadows`, ...), so that each can be read without the other.
+
+A place is (effect, where). A score is a candidate with its predicted gain, a trial a candidate fitted and judged. In
+all methods the effects of a world after the first `n_fixed` are fitted.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +25,7 @@ from vispeg.worlds.world import World
 
 
 class Testing(Protocol):
-    """Tests that a trial of a search has to pass.
+    """The part of a search that tests trials.
 
     Attributes:
         judge: judge on the held-out recordings.
@@ -36,11 +40,11 @@ class Testing(Protocol):
 
     @property
     def least_share(self) -> float:
-        """Share of what the accepted effects removed that a later one must remove."""
+        """Share of what an accepted effect typically removed (`State.scale`) that a later one must remove."""
         ...
 
     def shows(self, state: State, trial: Trial) -> bool:
-        """Return whether the effects of a trial are present."""
+        """Return whether an effect that a trial adds is present: its interval excludes null."""
         ...
 
     def holds(self, state: State, trial: Trial) -> bool:
@@ -48,11 +52,14 @@ class Testing(Protocol):
         ...
 
     def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
-        """Return why a trial must be refused; "" if it passes."""
+        """Return why a trial must be refused; "" if it passes.
+
+        `level` is the required standard errors of its gain, `absent` that none of its effects is present.
+        """
         ...
 
     def needed(self, state: State, index: int, gain: Gain) -> bool:
-        """Return whether the held-out recordings need the effect at `index`."""
+        """Return whether the held-out recordings need the effect at `index`, which lowers their error by `gain`."""
         ...
 
 
@@ -71,11 +78,11 @@ class Searching(Testing, Protocol):
 
     @property
     def few(self) -> int:
-        """Largest number of effects for which the whole library is screened for competitors of each."""
+        """Largest number of accepted effects for which the whole library is screened for rivals of each."""
         ...
 
     def missing(self, world: World) -> list[MissingTorque]:
-        """Return the missing torque of every fitted segment under a world."""
+        """Return the missing torque of every fitted item under a world."""
         ...
 
     def screened(
@@ -88,7 +95,7 @@ class Searching(Testing, Protocol):
         groups: Sequence[Sequence[tuple[str, str]]] = (),
         several: bool = False,
     ) -> list[Score]:
-        """Return the scores of places and groups when added to a world, best first."""
+        """Return the scores of places and groups when added to a world, best first; see `Proposals.screened`."""
         ...
 
     def screened_alone(
@@ -103,27 +110,30 @@ class Searching(Testing, Protocol):
         ...
 
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
-        """Return candidate replacements of an effect that a state lacks, and the number screened."""
+        """Return candidates in place of `placed`, which the state lacks, best first, and the number screened."""
         ...
 
     def exchanges(self, state: State) -> list[Exchange]:
-        """Return for each effect the cost of its removal given every other candidate, and its possible replacements."""
+        """Return for each fitted effect what its removal costs, and what may replace it."""
         ...
 
     def tested(self, state: State) -> int:
-        """Return the number of places that share the level of a test."""
+        """Return the number of places that share the significance level of a test."""
         ...
 
     def try_all(
         self, state: State, scores: Sequence[Score], n_fixed: int, tested: int, goal: float | None = None
     ) -> list[Trial]:
-        """Fit candidates added to a state and judge them."""
+        """Fit candidates added to a state and judge them; those that pass come first.
+
+        `tested` places share the level of the test. A fit stops if it cannot reach the mean squared residual `goal`.
+        """
         ...
 
     def try_each(
         self, tries: Sequence[tuple[State, Sequence[Score], int]], n_fixed: int, goal: float | None = None
     ) -> list[list[Trial]]:
-        """Fit and judge the candidates of several states in one batch."""
+        """Fit and judge the candidates of several (state, scores, tested) in one batch, as `try_all` does for one."""
         ...
 
     def fits(
@@ -135,17 +145,26 @@ class Searching(Testing, Protocol):
         iterations: int = 8,
         columns: Sequence[np.ndarray | None] | None = None,
     ) -> list[Fit]:
-        """Fit all effects of each world that are not fixed."""
+        """Fit each world.
+
+        Args:
+            worlds: with start values.
+            n_fixed: number of first effects that are not fitted.
+            races: for each world the rule by which its fit stops early; None for no such rule.
+            iterations: most steps of a fit.
+            columns: for each world derivatives to its first coordinates that an earlier fit had, to be kept; None for
+                none.
+        """
         ...
 
     def reduced(
         self, worlds: Sequence[World], n_fixed: int, columns: Sequence[np.ndarray | None] | None = None
     ) -> list[Fit]:
-        """Fit worlds that each lack one of the accepted effects."""
+        """Fit worlds that each lack one of the accepted effects; `columns` are as in `fits`."""
         ...
 
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
-        """Add the effects of a trial."""
+        """Add the effects of `trial`, one of `trials`, to the state."""
         ...
 
     def advance(self, state: State, n_fixed: int) -> bool:
@@ -153,7 +172,7 @@ class Searching(Testing, Protocol):
         ...
 
     def go_on(self, state: State, n_fixed: int) -> None:
-        """Add effects until none passes."""
+        """Continue the search from a state until no move changes it."""
         ...
 
     def worth_it(self, state: State, n_fixed: int) -> bool:

@@ -1,7 +1,9 @@
 """Remove aliases: accepted effects that imitate missing ones.
 
+Three kinds of effects are suspected:
+
 - Effects at a bound: a voltage limit of a wrist at its lowest torque imitates friction, rotor and bias together.
-- A delay of one joint besides one of all joints: a lag of a wrist imitates its rotor's inertia.
+- A delay of one joint if there is one of all joints too: a lag of a wrist imitates its rotor's inertia.
 - If the residual is large: effects, other than those that every arm has, in the joint with the largest error.
 
 With an alias in the model, no missing effect improves the fit on its own, so exchanges of one effect for one fail. When
@@ -26,7 +28,10 @@ from vispeg.diagnosis.selection.state import State, without
 
 
 def dismissed(search: Searching, state: State, before: np.ndarray, score: Score, n_fixed: int) -> None:
-    """Remove the members at a bound of the group just added, if the others beat the held-out loss `before`."""
+    """Remove the members at a bound of the group just added, if the others alone beat the loss `before` the addition.
+
+    `score` is the group.
+    """
     gone = [e for e in _stuck(state, n_fixed) if score.has(e)]
     if gone and len(gone) < score.count:
         other = lacking(search, state, gone, n_fixed)
@@ -36,7 +41,7 @@ def dismissed(search: Searching, state: State, before: np.ndarray, score: Score,
 
 
 def cast_out(search: Searching, state: State, n_fixed: int) -> bool:
-    """Remove one kind of alias from a state if a search without it gets further; return whether it did.
+    """Remove one kind of suspected alias from a state if the search without it gets further; return whether it did.
 
     The same removal is not tried twice with the same other effects, so that the search terminates.
     """
@@ -71,19 +76,24 @@ def overtakes(search: Searching, state: State, other: State, n_fixed: int, steps
 
 
 def _stuck(state: State, n_fixed: int) -> list[EffectInstance]:
+    """Return the added effects of joints and drives with a magnitude at a bound."""
     return [e for e in state.world.effects[n_fixed:] if effect(e.effect).family in ("joint", "drive") and at_bound(e)]
 
 
 def _again(state: State, n_fixed: int) -> list[EffectInstance]:
-    """Return effects of single joints, such as delays, that the world also has for all joints."""
+    """Return added effects of single joints of kinds that all joints may share (delays), if the world has a shared one.
+
+    That one may be of another kind.
+    """
     every = any(effect(e.effect).shared and e.where == "all" for e in state.world.effects)
     return [e for e in state.world.effects[n_fixed:] if every and effect(e.effect).shared and e.where != "all"]
 
 
 def _uncommon(search: Searching, state: State, n_fixed: int) -> list[EffectInstance]:
-    """Return the effects, not common to all arms, of the joint with the largest error, if that error is too large.
+    """Return the added effects of the joint with the largest error that not every arm has.
 
-    Empty if the joint has all common effects, or if these are the only effects added, as at the start of a search.
+    Empty unless the error over all joints is large, or if the joint has all effects that every arm has, or if no other
+    effects were added, as at the start of a search.
     """
     if search.judge.mean(state.loss) <= RULES.far * search.judge.floor(state.world):
         return []
@@ -97,7 +107,7 @@ def _uncommon(search: Searching, state: State, n_fixed: int) -> list[EffectInsta
 
 
 def lacking(search: Searching, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> State:
-    """Return a state without some effects, the others refitted; steps that added nothing else are dropped."""
+    """Return the state without the effects `gone`, the others refitted; steps that added only such are dropped."""
     world, fit = without(state.world, gone), None
     if len(world.effects) > n_fixed:
         (fit,) = search.fits([world], n_fixed, columns=[state.derivatives(gone)])
@@ -111,7 +121,7 @@ def lacking(search: Searching, state: State, gone: Sequence[EffectInstance], n_f
 
 
 def become(state: State, other: State) -> None:
-    """Take over the state of another search."""
+    """Set a state to another one, which was searched from it."""
     assert other.fit is not None
     state.take(other.fit, other.loss)
     state.cross, state.steps, state.last, state.screening = other.cross, other.steps, other.last, other.screening

@@ -1,4 +1,4 @@
-"""Common tests of a trial: its effect is present, and shows in the held-out recordings."""
+"""The tests of a trial that all searches share: its effect is present, and shows in the held-out recordings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Shown:
     """Tests of a trial in a search; a search over other evidence may override them.
 
     Attributes:
-        judge: the held-out recordings.
+        judge: judge on the held-out recordings.
     """
 
     judge: Judge
@@ -32,9 +32,9 @@ class Shown:
         return gain.z >= (RULES.held_out if gain.relative < RULES.large else RULES.held_out_large)
 
     def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
-        """Return why a fitted trial must be refused; "" if it passes."""
+        """Return why a fitted trial must be refused; "" if it passes; see `accept.refusal`."""
         return refusal(cast("Testing", self), state, trial, level, absent)
 
     def needed(self, state: State, index: int, gain: Gain) -> bool:
-        """Return whether the held-out recordings need the effect at `index`, whose removal costs `gain`."""
+        """Return whether the held-out recordings need the effect at `index`, which lowers their error by `gain`."""
         return needed(cast("Testing", self), state, index, gain)

@@ -1,4 +1,7 @@
-"""State of a search and its trials."""
+"""State of a search: the present world with its losses and fit, and the steps that led to it.
+
+A loss (nblock, nj) is a sum of squared whitened residuals (errors over noise) by block of time and joint (`Judge`).
+"""
 
 from __future__ import annotations
 
@@ -17,28 +20,47 @@ from vispeg.worlds.world import World
 
 @dataclass
 class State:
-    """State of a search; `world` starts as the user's model."""
+    """State of a search.
+
+    Attributes:
+        world: the present model; at the start the user's.
+        loss: its held-out loss.
+        residual: (n,) its whitened residual on the fitted recordings.
+        fit: of its added effects; None if nothing is fitted yet.
+        first: held-out mean squared whitened residual at the start.
+        steps: for each step the trial that was accepted, and all trials.
+        last: trials of the last step, if it accepted none.
+        screening: scores of the last screening.
+        missing: missing torque of the fitted recordings at the start.
+        opened: the user's model with its partial effects fitted anew; None if it has none.
+        cross: cross-fitted loss on the fitted recordings (`Cross`).
+        cast_out: removals of suspected aliases that were tried: label of the world, then of the removed effects.
+        slight: labels of effects that lower the held-out error, but by no visible share (`prune`).
+    """
 
     world: World
     loss: np.ndarray
     residual: np.ndarray
     fit: Fit | None = None
-    first: float = 0.0  # held-out mean squared residual at the start
+    first: float = 0.0
     steps: list[tuple[Trial, list[Trial]]] = field(default_factory=list)
-    last: list[Trial] = field(default_factory=list)  # candidates of a step that accepted none
+    last: list[Trial] = field(default_factory=list)
     screening: list[Score] = field(default_factory=list)
     missing: list[MissingTorque] = field(default_factory=list)
-    opened: World | None = None  # the user's model with its partial effects fitted anew
-    cross: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # cross-fitted loss on the fitted recordings
-    cast_out: set[tuple[str, ...]] = field(default_factory=set)  # labels of worlds, and of effects removed in trials
-    slight: frozenset[str] = frozenset()  # labels of effects that only held-out data need
+    opened: World | None = None
+    cross: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    cast_out: set[tuple[str, ...]] = field(default_factory=set)
+    slight: frozenset[str] = frozenset()
 
     def take(self, fit: Fit, loss: np.ndarray) -> None:
         """Update the state to a fit with its held-out loss."""
         self.world, self.fit, self.loss, self.residual = fit.world, fit, loss, fit.residual
 
     def derivatives(self, out: Sequence[EffectInstance] = ()) -> np.ndarray | None:
-        """Return the derivatives (n, k) of the fit to its coordinates, without those of the effects `out`."""
+        """Return the derivatives (n, k) of the fit to its coordinates, without those of the effects `out`.
+
+        None if nothing is fitted.
+        """
         if self.fit is None:
             return None
         if not out:
@@ -48,10 +70,10 @@ class State:
         return self.fit.jacobian[:, stay]
 
     def brought(self, placed: EffectInstance) -> tuple[Trial, list[Trial]] | None:
-        """Return the step that added an effect alone, if the other effects are still those of that step.
+        """Return the step whose other candidates were tried in place of an effect: the last one that added it.
 
-        Then the other candidates of the step were tried in its place. None otherwise. Steps in which nothing else was
-        tried are skipped.
+        None if that step added it with others or in place of another, or if the other effects have changed since. Steps
+        without other candidates are skipped.
         """
         beside = {e.label for e in self.world.effects} - {placed.label}
         for best, trials in self.steps[::-1]:
@@ -68,17 +90,21 @@ class State:
 
     @property
     def scale(self) -> float:
-        """Held-out excess over noise that an accepted effect typically removed (geometric mean); at first, all of it.
+        """What an accepted effect typically removed of the held-out mean squared residual (geometric mean).
 
-        The error of a law's form is proportional to what the law removed. With the geometric mean, small effects are
-        not judged against one dominant effect alone.
+        Before any was accepted, it is all of the excess over noise. Small later drops may be errors of the accepted
+        effects' form, which are proportional to what these removed. With the geometric mean they are not compared with
+        one dominant effect alone.
         """
         removed = [best.gain.mean / best.score.count for best, _ in self.steps if best.gain.mean > 0]
         return float(stats.gmean(removed)) if removed else max(self.first - 1.0, 1e-9)
 
     def removed_by(self, placed: EffectInstance, before: int | None = None) -> float:
-        """Return an effect's share of the held-out excess that its step removed, including that of effects it replaced;
-        all of the excess for an effect of the user's model. Steps from number `before` on do not count.
+        """Return how much of the held-out mean squared residual an effect removed.
+
+        It is an equal share of what the step that added it removed and of what the effects that it replaced had
+        removed; for an effect of the user's model, all of the excess over noise at the start. Steps from number
+        `before` on do not count; by default all count.
         """
         for k in range(len(self.steps) if before is None else before)[::-1]:
             best = self.steps[k][0]

@@ -1,10 +1,13 @@
-"""Propose several effects at a time: orthogonal least squares over signatures, with exchanges; a joint fit decides.
+"""Propose several linear effects at a time, from the linear model alone; one fit of all of them then decides.
 
-Forward step: add the effect that lowers the linear model's cross-validated error most. Among those within `tie`, the
-one with the fewest parameters is taken; effects that every arm has (friction, rotor inertia, bias), or that an effect
-declares more likely than itself, win unless the other is clearly better. After each addition, every effect, including
-those accepted earlier, is exchanged if another fits better in its place, so that an early wrong guess does not stay.
-Finally, effects that contribute nothing are removed.
+Forward step: add the effect that lowers the linear model's cross-validated error most. Among those within `tie` of it,
+the one with the fewest parameters is taken; but an effect that every arm has (friction, rotor inertia, bias), or that
+the best effect declares likelier than itself, is taken unless the best is clearly better. After each addition, every
+effect, including those accepted earlier, is exchanged if another fits better in its place, so that an early wrong guess
+does not stay, and effects that contribute nearly nothing are removed.
+
+In the functions, effects are indices of a dictionary's entries: `fixed` are the fitted effects that are not linear and
+stay, `chosen` the linear ones so far, `error` their cross-validated squared residual.
 
 Source of the forward step: Chen, Billings and Luo, International Journal of Control 50(5), 1989.
 """
@@ -20,9 +23,10 @@ from vispeg.diagnosis.findings import Score
 
 
 def together(dictionary: Dictionary, most: int) -> Score | None:
-    """Return up to `most` linear effects that are worth a joint fit, and the fitted ones that they replace.
+    """Return as one candidate the linear effects to add, and the fitted ones that they replace.
 
-    None if only one effect would change, as that is a candidate of its own.
+    The model then has at most `most` effects. None if there is nothing to add, or if only one effect would change, as
+    that is a candidate of its own.
     """
     fixed = [k for k in dictionary.fitted if not dictionary.entries[k].straight]
     before = [k for k in dictionary.fitted if k not in fixed]
@@ -45,8 +49,9 @@ def together(dictionary: Dictionary, most: int) -> Score | None:
 
 
 def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: float) -> tuple[float, int] | None:
-    """Return (gain, entry) of the best linear effect to add to the chosen ones, among those that promise the required
-    gain.
+    """Return (gain, entry) of the best linear effect to add to the chosen ones; None if none promises enough.
+
+    The gain is the drop of the cross-validated error.
     """
     gains = dictionary.gains([*fixed, *chosen])
     gains[[k for k, e in enumerate(dictionary.entries) if not e.straight]] = 0.0
@@ -70,13 +75,14 @@ def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: fl
 
 
 def _least(dictionary: Dictionary, k: int) -> float:
+    """Return the share of the error that the entry `k` must remove: more for masses and centres of links, payloads."""
     placed = dictionary.entries[k].placed
     link = effect(placed.effect).family == "body" and placed.where != "base"
     return RULES.several_link if link else RULES.several_least
 
 
 def prior(a: EffectInstance, b: EffectInstance) -> float:
-    """Return the share of b's gain above which a is taken instead; infinite if it never is.
+    """Return the share of the gain of `b` from which `a` is preferred to it; infinite if it never is.
 
     Every arm has friction and a rotor in each joint. Link inertias by the manufacturer are reliable, the load is not.
     """
@@ -105,7 +111,10 @@ def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], erro
 
 
 def _lighter(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: float) -> float:
-    """Remove effects from `chosen` that contribute less than half of the required gain; return the error."""
+    """Remove effects from `chosen` that contribute less than half of the required gain; return the remaining error.
+
+    At least one stays.
+    """
     for k in list(chosen):
         rest = [c for c in chosen if c != k]
         without = dictionary.crossed([*fixed, *rest])
