@@ -1,4 +1,8 @@
-"""Fit named effects to recordings from several starts, as `vispeg fit` does."""
+"""Fit named effects to recordings from several starts, as `vispeg fit` does.
+
+A start is the point from which one optimizer sets out. A magnitude is a parameter whose null, a value such as 0,
+removes its effect; a shape is any other parameter.
+"""
 
 from __future__ import annotations
 
@@ -19,18 +23,17 @@ from vispeg.worlds.world import World
 
 Method = Literal["auto", "least-squares", "cma"]
 ITERATIONS = 15  # most least-squares steps; CMA-ES gets ten times as many generations
-SHRINK = (
-    0.3,
-    0.1,
-    0.03,
-    0.003,
-)  # of the way from null: a typical size for the shoulder may be far too much for the wrist
+# Shares of the magnitudes at which each start is tried too: a typical size for the shoulder is far too much for a wrist
+SHRINK = (0.3, 0.1, 0.03, 0.003)
 STRONG = 0.95  # correlation above which two parameters are reported as hardly distinguishable
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """The best fit, and the mean squared whitened residual that each start ended at (the first is the model's own)."""
+    """The best fit, the mean squared whitened residual at which each start ended, and the method.
+
+    The first start has the model's own values.
+    """
 
     fit: Fit
     costs: tuple[float, ...]
@@ -38,10 +41,10 @@ class Calibration:
 
 
 def chosen(method: Method, effects: Sequence[EffectInstance]) -> Literal["least-squares", "cma"]:
-    """Return the method.
+    """Return the method to use for these effects.
 
-    `auto` is CMA-ES followed by least squares if the residual is not smooth in some effect, otherwise least squares
-    alone.
+    `auto` means CMA-ES if the residual is not smooth in some effect, else least squares. CMA-ES is always followed by
+    least squares.
     """
     if method != "auto":
         return method
@@ -70,8 +73,8 @@ def calibrate(
         seed: of the random starts and of CMA-ES.
         method: see `chosen`.
         starts: number of optimizers; the first starts at the world's values, the others at random ones.
-        iterations: least-squares steps at most, and a tenth of the CMA-ES generations.
-        checkpoint: keeps their traces.
+        iterations: most least-squares steps; CMA-ES has at most ten times as many generations.
+        checkpoint: stores the optimizers' progress.
         say: called with messages on what is simulated.
         evaluate: computes residuals of worlds; by default in this process.
     """
@@ -101,12 +104,15 @@ def strong_pairs(fit: Fit) -> list[tuple[str, str, float]]:
 
 
 def labels(fit: Fit) -> list[str]:
-    """`coulomb_friction(joint4).torque` of each coordinate."""
+    """Return the label of each coordinate of a fit, such as `coulomb_friction(joint4).torque`."""
     return [f"{fit.space.world.effects[a.index].label}.{a.name}" for a in fit.space.axes]
 
 
 def _shrunk(world: World, free: Sequence[int], share: float) -> World:
-    """Return the world with the free effects' magnitudes at `share` of their distance from null; shapes stay."""
+    """Return the world with the free effects' magnitudes at `share` of their distance from null.
+
+    Shapes, and magnitudes on a log scale, stay.
+    """
     effects = list(world.effects)
     for i in free:
         kind, placed = effect(effects[i].effect), effects[i]
@@ -118,7 +124,7 @@ def _shrunk(world: World, free: Sequence[int], share: float) -> World:
 
 
 def _draw(space: Space, rng: np.random.Generator) -> np.ndarray:
-    """Return coordinates of a random start: magnitudes up to four typical sizes from null, shapes anywhere."""
+    """Return coordinates of a random start: magnitudes up to four typical sizes from null, all else within bounds."""
     low, high = space.bounds
     return np.array([_one(space, a, lo, hi, rng) for a, lo, hi in zip(space.axes, low, high, strict=True)])
 

@@ -1,7 +1,8 @@
-"""Channels of a recording: measured values, their noise, and the effects that are visible in them.
+"""Items, the pieces of recordings that are compared, and their channels: measured values with their noise.
 
-The first channel of an item is the principal one: its error, in its unit, is shown to the user. All channels enter
-the whitened residual.
+An item is one segment (an episode or a window of one) of a recording. A channel is one kind of measured value in it:
+angles, torques, loads. (`vispeg.channels` uses the word for a whole kind of evidence.) The first channel of an item is
+the principal one: its error, in its unit, is shown to the user. All channels enter the whitened residual.
 """
 
 from __future__ import annotations
@@ -29,16 +30,17 @@ UNITS = {
 
 @dataclass(frozen=True)
 class Channel:
-    """One kind of measured value of an item, one column per joint.
+    """One kind of measured value of an item, a column per joint, or per axis of a wrench.
 
     Attributes:
-        kind: `angle` (under a known controller), `servo` (angle under a loop of the robot's own), `torque` (measured in
-            either), `load` (the robot's own estimate of it, of unknown gain), `needed` (torque by inverse dynamics);
-            `force` and `moment`, a column an axis: the wrench that keeps the hand on its measured path.
+        kind: `angle` (under a known controller), `servo` (angle under a servo's own loop), `torque` (measured in
+            either), `load` (a servo's own estimate of torque, of unknown gain), `needed` (measured torque, compared
+            with inverse dynamics), `force` and `moment` (the wrench that keeps the hand on its measured path), or the
+            name of a declared signal.
         measured: (m, nj) in the kind's unit.
-        sigma: noise, (nj,), or (m, nj) where it differs between samples.
-        valid: (m, nj) bool.
-        stated: unit of a signal that is none of these kinds.
+        sigma: standard deviation of the noise, (nj,), or (m, nj) if it differs between samples.
+        valid: (m, nj) bool, what is compared.
+        stated: unit of a declared signal; empty for the other kinds.
     """
 
     kind: str
@@ -58,7 +60,8 @@ class Item:
     """One segment of one recording, ready to be compared.
 
     Attributes:
-        recording, segment: source of the samples.
+        recording: that the item is of.
+        segment: its samples, commands and controller.
         robot: the nominal robot with the declared tool and tilt.
         channels: what was measured, the principal channel first.
     """
@@ -85,7 +88,7 @@ class Item:
 
     @property
     def name(self) -> str:
-        """Name of the recording, and the start of the item in it if only windows are used."""
+        """Name of the recording; if only windows of it are used, also the time at which the item starts."""
         start = float(self.recording.time[self.segment.rows[0]])
         return self.recording.name + (f", from {start:.4g} s" if self.recording.chosen else "")
 
@@ -96,7 +99,7 @@ class Item:
 
     @property
     def posture(self) -> np.ndarray:
-        """Joint angles at the compared samples, (m, nj) rad; smoothed ones if the channel holds no angles."""
+        """Joint angles at the compared samples, (m, nj) rad; the segment's if these are not rows of the recording."""
         rows = self.segment.rows
         return self.recording.q[rows] if len(rows) == len(self.valid) else self.segment.q
 

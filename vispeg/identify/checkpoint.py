@@ -1,8 +1,8 @@
 """Save the progress of a fit to disk after each evaluation, so that a killed fit can resume.
 
-A resumed optimizer starts from the beginning and gets the known answers without a rollout: the costs of the
-candidates, of each CMA-ES population drawn again from its seed, and of each point of least squares. It therefore
-reaches exactly the same state and ends with the same bits.
+A resumed optimizer starts from the beginning and gets the known answers without a rollout: the costs of its candidate
+starting points, of each CMA-ES population (drawn again from the same seed), and of each point of least squares. It
+therefore reaches exactly the same state and ends with the same bits. A trace is the stored progress of one optimizer.
 """
 
 from __future__ import annotations
@@ -77,14 +77,14 @@ class Checkpoint:
     """The traces of all starts of a fit, kept in one file.
 
     Args:
-        file: where; its folder is made.
+        file: of the checkpoint; its folder is made.
         key: everything that the fit depends on; a checkpoint of another fit is refused.
-        starts: number of traces.
-        resume: go on from the file where there is one; otherwise begin anew.
-        watch: called after each step of any start, with its number and trace.
+        starts: number of optimizers, hence of traces.
+        resume: go on from the file if there is one; otherwise begin anew.
+        watch: called after each evaluation and step of any optimizer, with its number and trace.
 
     Raises:
-        UserError: the file is of another fit or cannot be read.
+        UserError: the file to resume from is of another fit or cannot be read.
     """
 
     def __init__(

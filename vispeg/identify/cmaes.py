@@ -1,4 +1,4 @@
-"""CMA-ES in a box, one population at a time, resumable from a trace."""
+"""CMA-ES, a global search by random populations, within bounds; it can be resumed from the trace of an earlier run."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ def minimise(
     Source: N. Hansen, The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772.
 
     Args:
-        costs: of a whole population of points (n,), finite.
-        start: where to begin; no worse point is returned.
-        low, high: bounds (n,).
-        sigma: first step, in the coordinates' own unit.
-        generations: populations at most.
-        rng: the only source of chance.
+        costs: returns the costs, finite numbers, of a population of points (n,).
+        start: (n,) where to begin; no worse point is returned.
+        low, high: (n,) bounds.
+        sigma: standard deviation of the first population, in the coordinates' own unit.
+        generations: most populations.
+        rng: seeds the search.
         trace: costs known from an earlier run; each new population is recorded in it.
     """
     import cma
 
-    # its own stream, not NumPy's global one, which the other starts draw from in threads beside this one
+    # a stream of its own, since other optimizers run in threads at the same time and would share NumPy's global one
     randn = np.random.RandomState(int(rng.integers(1, 2**31))).randn
     options = {"bounds": [low.tolist(), high.tolist()], "seed": np.nan, "randn": randn, "verbose": -9}
     search = cma.CMAEvolutionStrategy(start, sigma, options)

@@ -1,9 +1,9 @@
-"""Compare joints while the tool is in contact: apply the measured contact to the model, and exclude those samples.
+"""Compare joints in a recording with contact: apply the measured contact to the model, and exclude those samples.
 
-The wrist wrench gives the contact wrench W on the tool (`vispeg.sim.touch`). With the Jacobian along the measured
+The wrist wrench gives the contact wrench W on the tool (`vispeg.sim.touch`). With the Jacobian J along the measured
 motion, J' W are joint torques that act on the simulated arm as on the real one, so that both move alike afterwards.
-During contact the sensor's error would enter, so those samples are excluded, and so are the following ones until the
-null space has forgotten them. An arm in free air is compared bit for bit as without a sensor.
+During contact the force sensor's error would enter, so those samples are excluded, and so are the following ones until
+the arm's null space has forgotten the contact. Without contact the wrench has no influence at all.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Contact:
 
     Attributes:
         free: (n,) bool, samples that can be compared.
-        torque: (n, nj) N m, of the contact on the joints; 0 in free air.
+        torque: (n, nj) N m, that the contact makes in the joints; 0 in free air.
     """
 
     free: np.ndarray
@@ -41,11 +41,10 @@ class Contact:
 
 
 def contact_of(rec: Recording, robot: RobotModel) -> Contact | None:
-    """Return the recorded arm's contact; None if there was none, or if the force sensor is not described.
+    """Return the contact of a recorded arm; None if there was none, or if its wrist wrench `ft` is missing.
 
-    Args:
-        rec: with `ft`, and `wrench` that says how it is to be read.
-        robot: the nominal arm with its declared tool.
+    None too if `wrench`, which says how `ft` is to be read, is missing. `robot` is the nominal arm with its declared
+    tool.
     """
     contact = (
         touch(rec, robot, Thresholds(touch=RULES.touch_light))
@@ -70,7 +69,7 @@ def contact_of(rec: Recording, robot: RobotModel) -> Contact | None:
 
 
 def _widened(time: np.ndarray, on: np.ndarray, longer: float) -> np.ndarray:
-    """Return samples, (n,) bool, from `touch_before` s before to `longer` s after a sample with `on`."""
+    """Return the samples (n,) bool from `touch_before` s before to `longer` s after any sample that is `on` (n,)."""
     index = np.where(on, np.arange(len(on)), -1)
     last = np.maximum.accumulate(index)
     after = (last >= 0) & (time - time[last] <= longer)

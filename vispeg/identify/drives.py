@@ -1,7 +1,8 @@
-"""Drive torque of each joint along a measured motion: from a known controller, or measured.
+"""Drive torque of each joint along a measured motion, computed from a known controller, or measured.
 
-A recording is converted to one with known torque, so that inverse dynamics applies to nearly every recording. Motion
-and torque pass the same zero-phase low-pass, so a law that is linear in the torques also holds for the filtered ones.
+A recording with such a torque can be compared by inverse dynamics, whatever its controller; `diagnosis.proposal` does
+so. Motion and torque pass the same zero-phase low-pass, so a law that is linear in the torques also holds for the
+filtered ones.
 """
 
 from __future__ import annotations
@@ -27,14 +28,15 @@ from vispeg.sim.placement import activate
 from vispeg.worlds.world import World
 
 HEARD_HZ = 40.0  # bandwidth of velocities that were not recorded
-LEAST = 2.0  # s, shortest part before or after loss of control that is used instead of the whole recording
+LEAST = 2.0  # s: a part before or after a loss of control (`in_hand`) must be longer, else the whole recording is used
 ROWS = 4096  # postures whose gravity torques are computed at a time
 
 
 def sent(rec: Recording, robot: RobotModel) -> np.ndarray | None:
-    """Return what the controller sent, (n, nj) N m at the samples, gravity compensation included; None if unknown.
+    """Return the torque that the controller sent, (n, nj) N m at the samples, gravity compensation included.
 
-    A command is held for one control period, so it acts half a period later on average; this is not counted as delay.
+    None if it is unknown, as under a servo's own loop. A command is held for one control period, so on average it acts
+    half a period later; the result is shifted by that.
     """
     c = rec.control
     if c.mode == "passive":
@@ -65,10 +67,10 @@ def sent(rec: Recording, robot: RobotModel) -> np.ndarray | None:
 
 
 def driven(rec: Recording) -> Recording | None:
-    """Return the recording with its drive torque as `tau`, low-passed; None if no drive torque is known.
+    """Return the recording with its drive torque as `tau`, low-passed, and no controller.
 
-    For a joint under a known controller that is the commanded torque, even if torque was measured: a sensor behind
-    the gear does not see the friction in it.
+    Under a known controller that is the commanded torque, even if torque was measured: a sensor behind the gear does
+    not see the friction in it. None if no drive torque is known, or if the recording is too short.
     """
     rec = in_hand(rec, nominal_robot(rec), LEAST)
     command = sent(rec, robot_of(rec))
@@ -85,7 +87,13 @@ def driven(rec: Recording) -> Recording | None:
 
 @dataclass(frozen=True)
 class Motion:
-    """A measured motion of one item: what `Effect.regressor` may use."""
+    """The measured motion of one item, with m samples: what `Effect.regressor` may use.
+
+    Attributes:
+        sent: (m, nj) N m, the drive torque.
+        rate: gives the low-passed time derivative of values (m, k).
+        moved: gives the change of the links' torque (m, nj) N m if all angles are shifted by (m, nj) rad.
+    """
 
     sent: np.ndarray
     rate: Callable[[np.ndarray], np.ndarray]
@@ -95,15 +103,20 @@ class Motion:
 class Drives:
     """Recordings in torque space: the drive torque of each joint, and the torque that worlds require.
 
+    It is false if there are none.
+
     Args:
         recordings: those without a known drive torque are left out.
 
     Attributes:
         recordings: those with a known drive torque.
-        torque: (n, nj) N m, of all items end to end, low-passed.
+        evidence: compares them by inverse dynamics; None if there are none.
+        items: of the evidence, end to end in the arrays below.
+        which: index in the evidence of each of the items (`each` keeps one of them).
+        torque: (n, nj) N m, drive torque, low-passed.
         dq: (n, nj) rad/s.
         valid: (n, nj) bool.
-        measured: whether all torques were measured by a sensor.
+        measured: whether all torques were measured by a sensor, not computed from a controller.
     """
 
     def __init__(self, recordings: Sequence[Recording]):
@@ -136,7 +149,7 @@ class Drives:
         return bool(self.items)
 
     def needed(self, worlds: Sequence[World]) -> np.ndarray:
-        """Return the drive torque (nworld, n, nj) N m that each world requires along the motion."""
+        """Return the drive torque (nworld, n, nj) N m that each world requires along the motions, low-passed."""
         parts = []
         for i, item in zip(self.which, self.items, strict=True):
             low = np.concatenate([self._needed(i, world) for world in worlds], axis=1)
@@ -145,7 +158,7 @@ class Drives:
         return np.concatenate(parts, axis=1)
 
     def _needed(self, i: int, world: World) -> np.ndarray:
-        """Return the torque that a world requires for one item, (m, nj) N m, not low-passed."""
+        """Return the torque that a world requires for item `i` of the evidence, (m, nj) N m, not low-passed."""
         assert self.evidence is not None
         plain = World(effects=tuple(e for e in world.effects if not effect(e.effect).overrides("regressor")))
         out = self.evidence.torque_of(i, plain)
@@ -156,6 +169,7 @@ class Drives:
         return out
 
     def _motion(self, i: int, world: World) -> Motion:
+        """Return the motion of item `i` of the evidence; `world` has the links' masses."""
         assert self.evidence is not None
         item = self.evidence.items[i]
         seg = item.segment
@@ -176,7 +190,10 @@ class Drives:
 
 
 def noise(recordings: Sequence[Recording], world: World, seed: int = 0) -> np.ndarray:
-    """Return the RMS (nj,) N m that noise alone makes of drive minus required torque, from one simulated repeat."""
+    """Return the RMS (nj,) N m that noise alone makes in drive minus required torque, from one simulated repeat.
+
+    The repeat has the recordings' noise added once more.
+    """
     rng = np.random.default_rng(seed)
     again = []
     for rec in recordings:

@@ -1,7 +1,8 @@
-"""Compare recordings with rollouts of many candidate worlds: whitened residuals over channels.
+"""Compare recordings with rollouts of many candidate worlds.
 
-A residual is (measured - predicted) / sigma. Angles are always compared; measured torques too if the sensor's
-placement is stated.
+An evidence holds recordings and gives the whitened residual of any world on them: (measured - predicted) / sigma, where
+sigma is the noise, flat over all items, samples and columns. Angles are always compared; measured torques too if the
+sensor's placement is stated, and a servo's load. A held-out evidence is one to which no effect is fitted.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from vispeg.sim.segments.segment import EXTERNAL, segments
 from vispeg.sim.shares import processes, shared
 from vispeg.worlds.world import World
 
-SOFT_STEP = 0.5  # of the physics step under OSC: its soft null space amplifies integration error
+SOFT_STEP = 0.5  # factor of the physics step under OSC: its soft null space amplifies integration error
 SERVO_STEP = 2.5e-3  # s: a servo loop is integrated by a stable rule, and is no faster than 150 rad/s
 MODEL_SIGMA = 4e-6  # rad: accuracy of the integrator
 PENALTY = 1e4  # whitened residual of a rollout that diverged
@@ -49,10 +50,19 @@ WORLDS = 32  # worlds simulated at once, whatever the number of segments
 class Evidence(Freedom):
     """A set of recordings, and the simulation of worlds against them.
 
+    Channels with other errors than joints override some of the properties from `least_gain` to `stretches`, by which
+    a search judges.
+
     Args:
         recordings: with a known controller.
-        h_max: greatest physics step, s (2.5 ms at least where all are of servos).
-        nthread: processors to use: processes that share the worlds, threads of the batch where there are few worlds.
+        h_max: greatest physics step, s; at least 2.5 ms if all recordings are of servos.
+        nthread: processors to use, for processes that share the worlds, or threads if there are few worlds.
+
+    Attributes:
+        items: pieces of the recordings that are compared, in the order of the residual.
+        notes: messages for the user on what was left out or changed.
+        floor_from: where the noise is known from, in words.
+        rollouts: seconds simulated so far.
     """
 
     def __init__(self, recordings: Sequence[Recording], *, h_max: float = 2e-3, nthread: int = 1):
@@ -78,7 +88,7 @@ class Evidence(Freedom):
         self.notes += _stops(self.recordings)
         self.floor_from = "stated noise" if all("q" in r.noise for r in recordings) else "estimated"
         self._recent: list[tuple[tuple[World, ...], list[np.ndarray]]] = []
-        self.rollouts = 0.0  # simulated seconds, for the record
+        self.rollouts = 0.0
 
     def at_step(self, other: Evidence) -> Evidence:
         """Return this evidence with the physics step of another one; itself if it has that already."""
@@ -104,12 +114,15 @@ class Evidence(Freedom):
 
     @property
     def decisive(self) -> float:
-        """Drop of the squared whitened residual beyond chance, even with correlated errors."""
+        """Drop of the squared whitened residual that decides between two worlds by itself; infinite: none does."""
         return np.inf
 
     @property
     def alike(self) -> float:
-        """Share of an effect's gain by which a competing effect may fall short and still count as confounded."""
+        """Share of an effect's gain by which a rival may fall short and still be its equal.
+
+        It is above 0 in a channel in which the error of the model's form is correlated over time.
+        """
         return 0.0
 
     @property
@@ -119,7 +132,7 @@ class Evidence(Freedom):
 
     @property
     def rough(self) -> float:
-        """Change of the squared residual due to solver chatter."""
+        """Change of the squared residual that is only chatter of the physics solver; 0 if the residual is smooth."""
         return 0.0
 
     @property
@@ -132,7 +145,10 @@ class Evidence(Freedom):
         return np.ones(len(difference), bool)
 
     def stretches(self, blocks: np.ndarray) -> np.ndarray:
-        """Return the stretch (nblock,) of each block in which errors are correlated; `blocks` is per residual entry."""
+        """Return the number (nblock,) of the stretch to which each block belongs; here each is one of its own.
+
+        Errors of blocks in a stretch are correlated, so they count as one. `blocks` (n,) is that of the residual.
+        """
         return np.arange(int(blocks.max()) + 1)
 
     @property
@@ -141,7 +157,7 @@ class Evidence(Freedom):
         return self.items[0].channels[0].unit
 
     def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
-        """Return for each item the predicted channels (nworld, m, nch); recent answers are cached."""
+        """Return for each item the predicted channels side by side (nworld, m, nch); recent answers are cached."""
         key = tuple(worlds) if len(worlds) <= 4 else None
         for worlds_key, answer in self._recent:
             if worlds_key == key:
@@ -186,9 +202,13 @@ class Evidence(Freedom):
     def compared(
         self, rec: Recording, rows: np.ndarray, late: np.ndarray, noise: Mapping[str, np.ndarray]
     ) -> tuple[Channel, ...]:
-        """Return the channels of a recording at some of its samples, at `late` (m, 1); the principal one comes first.
+        """Return the channels of a recording that are compared, the principal one first.
 
-        `noise` is of the recording's own signals, see `noise_of`.
+        Args:
+            rec: the recording.
+            rows: (m,) indices of its samples.
+            late: (m, 1) bool, whether a sample may count: after the start has settled, and in free air.
+            noise: standard deviations of the recording's own signals (`noise_of`).
         """
         q = rec.q[rows]
         kind = "servo" if rec.control.mode == "servo" else "angle"
@@ -209,6 +229,11 @@ class Evidence(Freedom):
         return response.q
 
     def _items(self, rec: Recording, contact: Contact | None, every: int) -> list[Item]:
+        """Return an item for each segment of a recording that is long enough, with one in `every` of its samples.
+
+        Raises:
+            UserError: nothing of the recording can be compared.
+        """
         robot, settle, noise, out = robot_of(rec), _settle(rec), noise_of(rec), []
         for segment in segments(rec):
             if segment.time[-1] <= 2 * settle:
@@ -238,7 +263,7 @@ class Evidence(Freedom):
     def residuals(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Return for each world the whitened residual of all items, flat.
 
-        Unreadable samples are 0, those of a diverged rollout PENALTY.
+        Entries that are not compared are 0; those of a diverged rollout are PENALTY.
         """
         return [*self.each_residual(worlds)]
 
@@ -254,7 +279,7 @@ class Evidence(Freedom):
 
     @staticmethod
     def whiten(item: Any, predicted: np.ndarray) -> np.ndarray:
-        """Return the whitened residual (m, nch) of one item."""
+        """Return the whitened residual (m, nch) of one item from its prediction (m, nch)."""
         r = np.where(item.valid, (item.measured - predicted) / item.sigma, 0.0)
         r = np.where(np.isfinite(r), np.clip(r, -PENALTY, PENALTY), PENALTY)
         return r
@@ -270,7 +295,7 @@ class Evidence(Freedom):
         return int(sum(i.valid.sum() for i in self.items))
 
     def blocks(self, seconds: float | None = None) -> np.ndarray:
-        """Return the block number of every residual entry, in the order of `residuals`; no block spans two segments."""
+        """Return the block (n,) of every entry of a residual: a piece of one item, `seconds` long (`RULES.block`)."""
         out, start = [], 0
         for item in self.items:
             number = (item.segment.time / (seconds or RULES.block)).astype(int)
@@ -279,7 +304,7 @@ class Evidence(Freedom):
         return np.concatenate(out)
 
     def angle_rms(self, residual: np.ndarray) -> float:
-        """Return the RMS angle error in rad from a whitened residual, over valid angle readings."""
+        """Return the RMS error of the principal channel, in `unit`, from a whitened residual, over valid readings."""
         total, n, start = 0.0, 0, 0
         for item in self.items:
             r = residual[start : start + item.measured.size].reshape(item.measured.shape)
@@ -294,14 +319,14 @@ class Evidence(Freedom):
 
     @property
     def floors(self) -> np.ndarray:
-        """RMS noise of each channel, (nch,) in its unit: the error of a perfect model."""
+        """RMS noise of each column of the channels, (nch,) in its unit: the error of a perfect model."""
         count = np.stack([i.valid.sum(axis=0) for i in self.items])
         square = np.stack([i.sigma**2 for i in self.items])
         return np.sqrt(np.sum(count * square, axis=0) / np.maximum(count.sum(axis=0), 1))
 
     @property
     def floor(self) -> float:
-        """RMS angle noise, rad: the error of a perfect model."""
+        """RMS noise of the principal channel, in `unit`: the error of a perfect model."""
         n = sum(i.valid[:, : i.nj].sum() for i in self.items)
         return float(np.sqrt(sum((i.valid * i.sigma**2)[:, : i.nj].sum() for i in self.items) / max(n, 1)))
 
@@ -323,12 +348,15 @@ def _stops(recordings: Sequence[Recording]) -> list[str]:
 
 
 def _settle(rec: Recording) -> float:
-    """Return the duration at the start of a segment that is not compared, s."""
+    """Return how long the start of a segment is not compared, s: the start state is not measured exactly."""
     return RULES.settle if rec.control.mode in ("position", "servo") else RULES.settle_observed
 
 
 def _every(recordings: Sequence[Recording]) -> list[int]:
-    """Return the decimation of each recording, chosen so that at most `READINGS` readings are compared in total."""
+    """Return for each recording of how many samples one is compared.
+
+    At most about `READINGS` readings are compared in total, unless a rate would fall below `LEAST_HZ`.
+    """
     signals = [1 + (r.tau is not None and r.torque_sensor != "none") + (r.load is not None) for r in recordings]
     readings = sum(n * r.q.size for n, r in zip(signals, recordings, strict=True))
     most = int(np.ceil(readings / READINGS))

@@ -1,7 +1,8 @@
 """Excitation: commanded motions that make missing effects visible.
 
 Every motion starts at rest at its centre posture, stays within a share of the position and velocity limits, and
-includes the exact time derivative of its positions. There is one small function per motion, looked up by name.
+includes the exact time derivative of its positions. There is one small function per motion, looked up by name. It gets
+a `Room`, the bounds, and returns angles and speeds (n, nj).
 """
 
 from __future__ import annotations
@@ -32,7 +33,10 @@ class Robot(Protocol):
 
 @dataclass(frozen=True)
 class Motion:
-    """A commanded motion: time (n,) s; q_cmd, dq_cmd (n, nj) rad, rad/s; ee_cmd (n, 7) m and (w, x, y, z) or None."""
+    """A commanded motion: time (n,) s, q_cmd and dq_cmd (n, nj) rad and rad/s.
+
+    `ee_cmd` (n, 7), a motion of the flange by position in m and quaternion (w, x, y, z), is None for other motions.
+    """
 
     name: str
     time: np.ndarray
@@ -43,7 +47,15 @@ class Motion:
 
 @dataclass(frozen=True)
 class Room:
-    """Bounds of a motion: time (n,) s; half-widths reach and speed (nj,) rad, rad/s around the centre (nj,) rad."""
+    """Bounds of a motion.
+
+    Attributes:
+        joints: names.
+        time: (n,) s.
+        centre: (nj,) rad, posture to move around.
+        reach: (nj,) rad, largest distance from it.
+        speed: (nj,) rad/s, largest speed.
+    """
 
     joints: tuple[str, ...]
     time: np.ndarray
@@ -65,7 +77,10 @@ def smoothstep(u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _fit(room: Room, dq: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Scale an offset motion (n, nj) joint by joint until it just fits the bounds, and add the centre."""
+    """Scale a motion dq, q (n, nj) about 0, joint by joint, until it just fits the bounds, and add the centre.
+
+    Return angles and speeds.
+    """
     far, fast = np.abs(q).max(axis=0), np.abs(dq).max(axis=0)
     scale = np.minimum(room.reach / np.maximum(far, 1e-12), room.speed / np.maximum(fast, 1e-12))
     return room.centre + scale * q, scale * dq
@@ -89,7 +104,7 @@ def fourier(room: Room, rng: np.random.Generator, harmonics: int = 5, base_hz: f
 
 
 def _ramped(room: Room, f: np.ndarray, df: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Fade f, df (n, nj) in over the first fifth (at most 1 s): position, speed and acceleration start at 0."""
+    """Fade f, df (n, nj) in over the first fifth (at most 1 s), so that position, speed and acceleration start at 0."""
     length = min(1.0, room.duration / 5.0)
     _, w, dw = smoothstep(room.time[:, None] / length)
     return w * f, w * df + dw / length * f
@@ -101,7 +116,7 @@ def chirp(room: Room, rng: np.random.Generator, low_hz: float = 0.1, high_hz: fl
     low, high = low_hz * rng.uniform(0.8, 1.25, nj), high_hz * rng.uniform(0.8, 1.25, nj)
     freq, dfreq = low + (high - low) * t / room.duration, (high - low) / room.duration
     angle = 2.0 * np.pi * (low * t + (high - low) * t**2 / (2.0 * room.duration)) + rng.uniform(0.0, 2.0 * np.pi, nj)
-    ratio = 2.0 * np.pi * room.reach / room.speed  # s: speed ratio per Hz
+    ratio = 2.0 * np.pi * room.reach / room.speed  # s: speed at full reach over the speed limit, per Hz
     amp = room.reach / np.sqrt(1.0 + (ratio * freq) ** 2)
     damp = -room.reach * ratio**2 * freq * dfreq / (1.0 + (ratio * freq) ** 2) ** 1.5
     f = amp * np.sin(angle)
@@ -130,7 +145,7 @@ def triangle(room: Room, rng: np.random.Generator, slow: float = 0.02, speeds: i
 
 
 def _fit_down(room: Room, dq: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Scale as `_fit`, but never enlarge."""
+    """Scale a motion as `_fit` does, but never enlarge it."""
     far, fast = np.abs(q).max(axis=0), np.abs(dq).max(axis=0)
     scale = np.minimum(1.0, np.minimum(room.reach / np.maximum(far, 1e-12), room.speed / np.maximum(fast, 1e-12)))
     return room.centre + scale * q, scale * dq
@@ -172,6 +187,7 @@ def sweep(room: Room, rng: np.random.Generator, joint: str | None = None) -> tup
 
 
 def _fit_only(room: Room, dq: np.ndarray, q: np.ndarray, moving: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Scale the joints `moving` as `_fit` does; the others rest at the centre."""
     out, dout = np.tile(room.centre, (len(q), 1)), np.zeros_like(q)
     fitted, dfitted = _fit(room, dq, q)
     out[:, moving], dout[:, moving] = fitted[:, moving], dfitted[:, moving]
@@ -192,11 +208,16 @@ MOTIONS: dict[str, Callable[..., tuple]] = {f.__name__: f for f in (fourier, chi
 def osc_targets(
     room: Room, rng: np.random.Generator, model: Any, count: int = 9, reach_m: float = 0.06, turn_rad: float = 0.2
 ) -> np.ndarray:
-    """Flange targets (n, 7): `count` short sub-trajectories (50 control steps each at a ninth of the duration), each a
-    minimum-jerk move to a random pose near the centre posture's and on to the next.
+    """Return flange targets (n, 7): from the pose at the centre posture, `count` minimum-jerk moves of equal duration.
+
+    Each ends at a random pose near that pose, up to `reach_m` along each axis and `turn_rad` about each.
 
     Args:
+        room: the bounds; only time and centre are used.
+        rng: random generator.
         model: a compiled mujoco.MjModel with a site `flange` and the robot's joints first in qpos.
+        count: number of moves.
+        reach_m, turn_rad: largest offsets.
     """
     import mujoco
 
@@ -224,9 +245,10 @@ def osc_targets(
 def room_of(
     robot: Robot, rate_hz: float, duration: float, centre: Sequence[float] | None = None, share: float = 0.8
 ) -> Room:
-    """Return the bounds of motions within `share` of the limits around a posture.
+    """Return the bounds of motions within `share` of the limits around the posture `centre`.
 
-    By default the posture is clear of the table, or mid-range for an unknown robot.
+    By default a seven-axis arm moves around a posture clear of the table if its limits allow that one, any other robot
+    around the middle of its ranges.
     """
     nj, limits = len(robot.joints), np.asarray(robot.range, float)
     count, said = duration * rate_hz, f"{duration:g} s at {rate_hz:g} Hz"
@@ -266,7 +288,7 @@ def motion(
         robot: anything with joints, range (nj, 2) rad and velocity_limit (nj,) rad/s.
         rate_hz, duration: samples a second, seconds.
         rng: random generator.
-        centre: posture (nj,) rad around which to move; default: clear of the table for seven joints, else mid-range.
+        centre: posture (nj,) rad around which to move; by default that of `room_of`.
         share: usable share of the position and velocity limits.
         options: the motion's own.
     """

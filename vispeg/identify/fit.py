@@ -1,4 +1,8 @@
-"""Fit a world's free parameters to evidence: bounded least squares (scipy) or CMA-ES, with intervals."""
+"""Fit a world's free parameters to evidence: bounded least squares (scipy) or CMA-ES, with intervals.
+
+A coordinate is a free parameter in optimizer units (`Space`). Derivatives are secants: finite differences of the
+whitened residual, (measured - predicted) / noise.
+"""
 
 from __future__ import annotations
 
@@ -28,14 +32,14 @@ class Fit:
 
     Attributes:
         world: with fitted values and their 95 % intervals.
-        residual: whitened residual on the fitted evidence, flat.
-        columns: derivatives to the optimizer coordinates at the solution, (len(residual), naxis) in column blocks;
-            the first may be an earlier fit's, taken as constant and shared in memory.
+        residual: (n,) whitened residual on the fitted evidence.
+        columns: derivatives of the residual to the coordinates at the solution, one or two matrices that side by side
+            are (n, naxis); the first of two is an earlier fit's, taken as constant and shared in memory.
         space: the coordinates.
-        u: the solution in them.
-        sigma: standard error of each coordinate.
-        correlation: (naxis, naxis).
-        at_bound: labels of parameters that ended at a bound.
+        u: (naxis,) the solution.
+        sigma: (naxis,) standard error of each coordinate.
+        correlation: (naxis, naxis) of the estimates.
+        at_bound: labels of parameters that ended at a bound; shapes are not listed.
         weak: labels of parameters (or directions) that the evidence does not determine.
         converged: whether the optimizer met its tolerance.
         cost: mean squared whitened residual.
@@ -55,7 +59,7 @@ class Fit:
 
     @property
     def jacobian(self) -> np.ndarray:
-        """All derivatives, (len(residual), naxis)."""
+        """All derivatives, (n, naxis)."""
         return self.columns[0] if len(self.columns) == 1 else np.column_stack(self.columns)
 
     @property
@@ -65,18 +69,18 @@ class Fit:
 
 
 class Race:
-    """Fits that run concurrently and stop when another is far ahead, since a bad candidate costs as much as a good one.
+    """A stopping rule shared by concurrent fits: one stops when another is far ahead, to save its rollouts.
 
     Fits are compared each time all of them wait for rollouts, so the result does not depend on thread scheduling.
 
     Args:
-        ratio: a fit stops once its mean squared residual minus the noise is this many times the best one's.
-        laps: iterations that every fit may take.
+        ratio: a fit stops once its mean squared residual minus the noise is more than this many times the best one's.
+        laps: iterations before which no fit stops.
     """
 
     def __init__(self, ratio: float = 4.0, laps: int = 2):
         self.ratio, self.laps, self.best = ratio, laps, np.inf
-        self.reached: list[float] = []  # since all last waited
+        self.reached: list[float] = []  # residuals reached since all fits last waited
 
     def turn(self) -> None:
         """Update the best residual; called when all fits wait for rollouts."""
@@ -84,7 +88,7 @@ class Race:
         self.reached.clear()
 
     def check(self, mean_square: float, lap: int) -> None:
-        """Raise StopIteration if a fit is out of the race."""
+        """Raise StopIteration, which ends the fit, if at iteration `lap` it is far behind the best one."""
         self.reached.append(mean_square)
         best = min(self.best, mean_square)
         if lap >= self.laps and mean_square - 1.0 > self.ratio * max(best - 1.0, 0.1):
@@ -92,14 +96,15 @@ class Race:
 
 
 class Chase(Race):
-    """A fit's stopping rule: give up if, at its rate of decrease, it cannot reach another fit's residual.
+    """A stopping rule of one fit: it gives up if, at its rate of decrease, it cannot reach a given residual.
 
     Each fit has its own, as it compares consecutive iterations. A fit that still falls steeply continues however far
     behind it is, because near a minimum Newton steps square the remaining share of the error.
 
     Args:
         goal: mean squared residual to reach.
-        iterations: that the fit may take.
+        iterations: most iterations of the fit.
+        laps: iterations before which it does not stop.
     """
 
     def __init__(self, goal: float, iterations: int = 8, laps: int = 2):
@@ -128,13 +133,22 @@ def fit_job(
     ended: tuple[Sequence[float], bool] | None = None,
     columns: np.ndarray | None = None,
 ) -> Callable[[Submit], Fit]:
-    """Return a job for `run_together` that fits the effects at `free` of `world`, from its values and from `starts`.
+    """Return a job for `run_together` that fits some effects of a world.
 
-    Each step is recorded in `trace`; a fit resumes from where a given trace ends. `ended` is the end of an earlier
-    run of the same job, in optimizer coordinates, and whether it had converged; if given, only that point is
-    evaluated.
-    `columns` (m, k) are an earlier fit's derivatives to the first k coordinates, taken as constant, so that a
-    candidate added to many effects needs rollouts for its own parameters only. Residuals are always exact.
+    Args:
+        evidence: of the fitted recordings.
+        world: with start values.
+        free: indices of the effects to fit.
+        starts: worlds with other start values; least squares begins at the best of all.
+        iterations: most least-squares steps; CMA-ES has at most ten times as many generations.
+        method: `cma` for CMA-ES, followed by least squares.
+        rng: of CMA-ES, which needs it.
+        race: rule by which the fit stops early; None for no such rule.
+        trace: each step is recorded in it, and the fit resumes from where it ends; None records nothing.
+        ended: the end of an earlier run of the same job, in coordinates, and whether it had converged; if given, only
+            that point is evaluated.
+        columns: (n, k) derivatives to the first k coordinates that an earlier fit had, taken as constant, so that a
+            candidate added to many effects needs rollouts for its own parameters only. Residuals are always exact.
     """
 
     def job(submit: Submit) -> Fit:
@@ -169,6 +183,7 @@ def squares(r: np.ndarray) -> float:
 def _least_squares(
     point: Point, u0: np.ndarray, iterations: int, race: Race | None, trace: Trace | None, size: int
 ) -> tuple[Point, np.ndarray, bool]:
+    """Return `point`, the solution, and whether the optimizer met its tolerance; `size` is the residual's length."""
     low, high = point.space.bounds
 
     def lap(intermediate_result: optimize.OptimizeResult) -> None:
@@ -191,7 +206,10 @@ def _least_squares(
 def _cma(
     space: Space, u0: np.ndarray, submit: Submit, budget: int, rng: np.random.Generator | None, trace: Trace | None
 ) -> np.ndarray:
-    """Return the best point of a global search by CMA-ES, in coordinates scaled to [0, 1] between the bounds."""
+    """Return the best point of a global search by CMA-ES, which works with coordinates scaled to [0, 1] in the bounds.
+
+    `budget` is the number of generations.
+    """
     if rng is None:
         raise ValueError("CMA-ES needs a random generator")
     low, high = space.bounds
@@ -206,6 +224,7 @@ def _cma(
 
 
 def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, point: Point) -> Fit:
+    """Return the fit that ended at coordinates `u`, with 95 % intervals by Student's t over blocks of time."""
     r, jac = point.at(u)
     columns = (jac,) if point.columns is None else (point.columns, jac[:, point.columns.shape[1] :].copy())
     sigma, correlation, weak = _uncertainty(evidence, r, jac, space)
@@ -227,10 +246,10 @@ def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, p
 def _uncertainty(
     evidence: Evidence, r: np.ndarray, jac: np.ndarray, space: Space
 ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-    """Return standard errors that are robust to autocorrelation and misfit.
+    """Return standard errors that are robust to autocorrelation and misfit, the correlation matrix, and `Fit.weak`.
 
-    Sandwich covariance over blocks of time (Newey and West, Econometrica 55(3), 1987; block form), but at least the
-    standard error from the scatter of single-recording estimates.
+    The errors are from the sandwich covariance over blocks of time (Newey and West, Econometrica 55(3), 1987; block
+    form), but at least the ordinary ones, and at least those from the scatter of estimates from single items.
     """
     n = jac.shape[1]
     info = jac.T @ jac
@@ -254,7 +273,7 @@ def _uncertainty(
 
 
 def _between(evidence: Evidence, r: np.ndarray, jac: np.ndarray) -> np.ndarray:
-    """Return the standard error of the mean of the single-recording estimates, to first order around the solution."""
+    """Return the standard error (naxis,) of the mean of estimates from single items, to first order; 0 for one item."""
     shifts, start = [], 0
     for item in evidence.items:
         rows = slice(start, start + item.measured.size)

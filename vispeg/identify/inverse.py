@@ -1,8 +1,8 @@
 """Compare torques: inverse dynamics of the measured motion against the measured torque.
 
 This is the only comparison possible if the controller is unknown. It has the interface of `Evidence`, so everything
-that judges worlds by rollouts can also judge them by torques. Effects of timing, backlash and encoders are invisible
-in it.
+that judges worlds by rollouts can also judge them by torques. Delays, gear play and encoder errors leave no trace in
+it.
 """
 
 from __future__ import annotations
@@ -36,9 +36,10 @@ from vispeg.worlds.world import World
 MOTION_HZ = 8.0  # bandwidth within which the motion's acceleration is reliable
 SAMPLES_HZ = 50.0  # six times that bandwidth: more samples would add no information
 REMEMBERED = 128e6  # bytes of cached inertias along motions: a hundred minutes of 7 joints, six of 30
-ENDS = 0.5  # s at both ends of an episode, filter transients
+ENDS = 0.5  # s at both ends of an episode that are not compared: filter transients
 STICK = 0.01  # rad/s over which dry friction changes sign: velocity noise rules out a sharper edge
 STANDS = 3 * STICK  # rad/s, below which a joint may be at rest
+# Fields whose effects change the links' inertia or gravity
 RIGID = frozenset({"body_mass", "body_ipos", "body_inertia", "body_iquat", "opt.gravity"})
 CAVEATS = (
     "the controller is unknown: worlds were compared by inverse dynamics, in which delays, gear play and encoder "
@@ -52,7 +53,7 @@ class TorqueEvidence(Evidence):
 
     Args:
         recordings: with a measured torque.
-        noise: (nj,) N m of each joint's torque; by default from repeats, as stated, or estimated.
+        noise: (nj,) N m of each joint's torque; by default from two runs of one motion, as stated, or estimated.
     """
 
     def __init__(self, recordings: Sequence[Recording], noise: np.ndarray | None = None):
@@ -108,7 +109,12 @@ class TorqueEvidence(Evidence):
         return low, high
 
     def _parts(self, i: int, world: World) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, EffectLoop]:
-        """Return the torque of the links (m, nj), the dry friction, torques besides the drive's, and the effects."""
+        """Return what makes up the torque of a world along the motion of item `i`, (m, nj) N m each.
+
+        Returns:
+            torque that the links need, level of dry friction, torque that effects exert on the joints beside the drive
+            (None if no effect does), and the effects themselves.
+        """
         item, seg, ddq = self.items[i], self.items[i].segment, self._ddq[i]
         robot, active = item.robot, activate(item.robot, [world])
         batch = mjb.Batch(compiled(robot), 1, nthread=1)
@@ -126,7 +132,7 @@ class TorqueEvidence(Evidence):
         return needed, loop.friction(x, dry), loop.along(x, seg.cache["path"], seg.cache["at"]), loop
 
     def _body(self, i: int, world: World) -> tuple[np.ndarray, np.ndarray]:
-        """Return inertia (m, nj, nj) and bias torque (m, nj) along a motion, one batch row per sample; cached."""
+        """Return inertia (m, nj, nj) and bias torque (m, nj) of a world along the motion of item `i`; cached."""
         rigid = World(effects=tuple(e for e in world.effects if effect(e.effect).writes & RIGID))
         key = (i, repr([(e.label, e.params) for e in rigid.effects]))
         found = self._rigid.pop(key, None)
@@ -142,7 +148,7 @@ class TorqueEvidence(Evidence):
 def rigid_body(robot: RobotModel, world: World, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return inertia (n, nj, nj) kg m2 and bias torque (n, nj) N m of a world's links at n states, rad and rad/s.
 
-    Only effects that change masses or gravity matter.
+    Bias is gravity, centrifugal and Coriolis torque. Of the world only effects that change masses or gravity matter.
     """
     model = compiled(robot)
     batch = mjb.Batch(model, len(q), nthread=1)
@@ -160,7 +166,16 @@ def rigid_body(robot: RobotModel, world: World, q: np.ndarray, dq: np.ndarray) -
 
 
 def evidence_for(world: World, recordings: Sequence[Recording], nthread: int = 1, h_max: float = 2e-3) -> Evidence:
-    """Return rollout evidence if every controller is known, otherwise inverse dynamics."""
+    """Return rollout evidence if every controller is known, otherwise inverse dynamics.
+
+    Args:
+        world: not used.
+        recordings: of one robot.
+        nthread, h_max: as in `Evidence`; inverse dynamics needs neither.
+
+    Raises:
+        UserError: recordings of different robots, or that cannot be compared.
+    """
     if nthread < 1:
         raise UserError("must be at least 1", key="threads", got=nthread)
     for rec in recordings:
@@ -201,6 +216,10 @@ def _items(rec: Recording, sigma: np.ndarray, contact: Contact | None) -> list[I
 
 
 def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray, free: np.ndarray) -> Item:
+    """Return the item of some consecutive rows, thinned to `SAMPLES_HZ`; `free` (n,) says which may be compared.
+
+    `tau` (n, nj) is the measured torque, `sigma` (nj,) its noise.
+    """
     robot, time = robot_of(rec), rec.time[rows] - rec.time[rows[0]]
     thin = slice(None, None, max(1, round(rec.rate_hz / SAMPLES_HZ)))
     path, dq, ddq = smooth(time, rec.q[rows], MOTION_HZ)
@@ -219,7 +238,11 @@ def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray, 
 
 
 def _noise(recordings: Sequence[Recording]) -> tuple[np.ndarray, str]:
-    """Return (nj,) N m and its source: two runs of one trajectory, the stated noise, or a share of the torque."""
+    """Return the noise (nj,) N m of torques and its source.
+
+    The source is two runs of one motion; without them the noise that the first recording states; without that an
+    estimate from its high frequencies, at least a share of its spread.
+    """
     for i, a in enumerate(recordings):
         for b in recordings[i + 1 :]:
             gap = _repeat_gap(a, b)
@@ -237,7 +260,10 @@ def _noise(recordings: Sequence[Recording]) -> tuple[np.ndarray, str]:
 
 
 def _repeat_gap(a: Recording, b: Recording, longest: float = 2.0) -> np.ndarray | None:
-    """Return the torque noise from two runs of one trajectory, aligned in time; None if the motions differ."""
+    """Return the torque noise (nj,) N m from two runs of one motion, aligned in time; None if they cannot be aligned.
+
+    Starts may differ by up to `longest` seconds.
+    """
     if a.tau is None or b.tau is None or a.q.shape[1] != b.q.shape[1] or a.chosen or b.chosen:
         return None
     most = int(longest * a.rate_hz)

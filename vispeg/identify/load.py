@@ -1,7 +1,7 @@
-"""Compare a servo's reported load: proportional to its motor's torque, with an unknown gain.
+"""Compare a servo's reported load, which is proportional to its motor's torque with an unknown gain.
 
-The gain is a nuisance parameter: for each world and joint the best-fitting one over all recordings is used, so that
-only the shape of the load over time is informative.
+For each world and joint the best-fitting gain over all recordings is used, so only the shape of the load over time says
+anything of the world.
 """
 
 from __future__ import annotations
@@ -17,21 +17,25 @@ from vispeg.recordings.recording import Recording
 
 
 def unsigned(rec: Recording) -> bool:
-    """Return whether the load is a magnitude: no joint's reading is ever negative."""
+    """Return whether a recording's load has no sign: no joint's reading is ever negative."""
     return rec.load is not None and bool(np.nanmin(rec.load) >= 0)
 
 
 def load_noise(load: np.ndarray) -> np.ndarray:
-    """Return the standard deviation (nj,) of a load (n, nj), in its unit; a joint at rest gets the mean joint's."""
+    """Return the noise (nj,) of a load (n, nj), in its unit: that of its high frequencies.
+
+    It is at least a share of the joint's spread, and of the RMS spread over joints, so a joint at rest has some too.
+    """
     spread = np.nanstd(load, axis=0)
     least = max(RULES.load_noise * float(np.sqrt(np.mean(spread**2))), 1e-9)
     return np.maximum(np.maximum(highpass_sigma(load), RULES.load_noise * spread), least)
 
 
 def with_gains(items: Sequence[Item], predicted: list[np.ndarray]) -> list[np.ndarray]:
-    """Multiply the load channels of predictions (nworld, m, nch) by the best-fitting gain of each joint.
+    """Multiply the load columns of predictions (nworld, m, nch), in place, by the best gain of each world and joint.
 
-    A gain is the weighted least-squares one, sum(m y / sigma^2) / sum(y^2 / sigma^2) over all items' valid readings m.
+    The gain is the weighted least-squares one, sum(m y / sigma^2) / sum(y^2 / sigma^2), over the valid readings m of
+    all items, with predictions y.
     """
     above, below = 0.0, 0.0
     for item, y in zip(items, predicted, strict=True):

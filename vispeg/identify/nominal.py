@@ -1,4 +1,7 @@
-"""Nominal robot of a recording: its file's arm with the declared tool and tilt, without stops that it passed."""
+"""The nominal robot of a recording: the arm of its model file with the recording's declared tool and base tilt.
+
+Joint stops that the recorded motion passed are left out, since the robot cannot have them there.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,13 @@ def robot_of(rec: Recording) -> RobotModel:
 
 
 def nominal_robot(rec: Recording) -> RobotModel:
-    """Return the nominal robot of a recording, with its declared tool and tilt; joints it lacks are held at rest."""
+    """Return the nominal robot of a recording, with its declared tool and base tilt.
+
+    Joints of the robot's file that the recording does not list are held at rest.
+
+    Raises:
+        UserError: a robot, tool or joints that do not fit together.
+    """
     key = (rec.robot, rec.joints, repr(rec.tool), rec.base_tilt)
     if key not in _ROBOTS:
         try:

@@ -1,4 +1,7 @@
-"""Residual and derivatives at one point of a least-squares fit, computed once and stored compactly."""
+"""Residual and derivatives at the points of a least-squares fit, each computed once and stored compactly.
+
+A point is a vector of optimizer coordinates (`Space`). A residual is rough if it chatters from point to point.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +11,11 @@ from vispeg.identify.checkpoint import Trace
 from vispeg.identify.pool import Submit
 from vispeg.identify.space import Space
 
-REFUSED = 2  # steps without gain after which a fit to a rough residual ends: a single one may just have been too long
+REFUSED = 2  # steps in a row without gain that end a fit to a rough residual: a single one may just have been too long
 
 
 class Settled(Exception):
-    """Raised when the remaining gain is within the roughness of the residual."""
+    """Raised when the remaining gain is within the roughness of the residual; `u` is the best point."""
 
     def __init__(self, u: np.ndarray):
         super().__init__("settled")
@@ -20,17 +23,23 @@ class Settled(Exception):
 
 
 class Point:
-    """Residual and finite-difference Jacobian of a point, in optimizer coordinates.
+    """Residuals and finite-difference Jacobians of the points of one fit.
 
-    Both are computed in one batch, because a few more rows cost less than another call. If the residual is rough,
-    steps without gain are common, so derivatives are computed only at points that improve.
+    Both of a point are computed in one batch, because a few more rows cost less than another call. If the residual is
+    rough, steps without gain are common, so derivatives are computed only at points that improve.
 
     Args:
         space: the coordinates.
         submit: simulates worlds.
         trace: records each point; points already in it are not computed again.
-        columns: (m, k) derivatives to the first k coordinates, taken as constant.
-        rough: insignificant change of the squared residual, e.g. due to solver chatter; 0 if smooth.
+        columns: (m, k) derivatives to the first k coordinates, taken as constant; None to compute all.
+        rough: change of the squared residual that means nothing, such as solver chatter; 0 if the residual is smooth.
+
+    Attributes:
+        evaluated: for the present and the best point its residual and its derivatives other than `columns`.
+        answers: for each point its `answer`.
+        asked: points that were asked for.
+        best, least, refused: best point so far, its squared residual, and steps without gain since.
     """
 
     def __init__(
@@ -42,9 +51,7 @@ class Point:
         rough: float = 0.0,
     ):
         self.space, self.submit, self.trace, self.columns, self.rough = space, submit, trace, columns, rough
-        self.evaluated: dict[
-            bytes, tuple[np.ndarray, np.ndarray]
-        ] = {}  # residual, and derivatives other than `columns`
+        self.evaluated: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
         points = [] if trace is None else trace.points
         self.answers = {np.array(u, float).tobytes(): np.array(answer, float) for u, answer in points}
         self.asked: set[bytes] = set()
@@ -59,11 +66,11 @@ class Point:
         return r, jac if self.columns is None else np.column_stack([self.columns, jac])
 
     def answer(self, u: np.ndarray) -> np.ndarray:
-        """Return a compressed form of residual and Jacobian at a point for least squares: [R Q'r; 0 |r - QQ'r|].
+        """Return residual and Jacobian at a point in a compressed form for least squares: [R Q'r; 0 |r - QQ'r|].
 
-        Here r (m,) is the residual and QR (m, n) the Jacobian. The n + 1 rows have the inner products of all m, hence
-        the same gradient, the same steps and the same decrease of the cost, up to rounding. For a rejected point only
-        |r| is returned.
+        Here r (m,) is the residual and QR (m, n) the Jacobian. Products of the columns of these n + 1 rows are those of
+        all m rows, hence the gradient, the steps and the decrease of the cost are the same, up to rounding. If the
+        residual is rough and does not improve at the point, only |r| is computed, and all else is 0.
 
         Raises:
             Settled: no step from here promises a gain beyond roughness, or none of the last ones gained anything.
@@ -89,6 +96,7 @@ class Point:
             raise Settled(self.best)
 
     def _answer(self, u: np.ndarray) -> np.ndarray:
+        """Compute the `answer` of a point."""
         n = len(u)
         if self.rough and self.least < np.inf:
             (r,) = self.submit([self.space.at(u)])
@@ -102,7 +110,10 @@ class Point:
         return np.vstack([np.column_stack([upper, along]), rest])
 
     def _evaluate(self, u: np.ndarray, r: np.ndarray | None = None) -> None:
-        """Roll out a point, if its residual is unknown, and one finite-difference step along each coordinate."""
+        """Roll out one finite-difference step along each coordinate, and the point itself if its residual is not given.
+
+        The result goes to `evaluated`, which keeps only one more point, the best.
+        """
         steps, first = self.space.steps(u), 0 if self.columns is None else self.columns.shape[1]
         points = [u + np.eye(len(u))[i] * steps[i] for i in range(first, len(u))]
         r, *moved = self.submit([self.space.at(p) for p in [u, *points]]) if r is None else [r, *self._beside(points)]

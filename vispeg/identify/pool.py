@@ -1,8 +1,8 @@
-"""Run many library optimizers concurrently and merge their rollouts into one batch.
+"""Run many optimizers (jobs) concurrently and merge their rollouts into one batch, which is far faster.
 
-Each job is an ordinary function that calls `submit(worlds)` whenever its optimizer needs rollouts. Jobs run in
-threads, one at a time. Once every running job waits, all requests are simulated as rows of one batch, or of several
-if the answers would not fit in memory.
+Each job is an ordinary function that calls `submit(worlds)` whenever its optimizer needs rollouts, and gets the
+residuals of the worlds. Jobs run in threads. Once every running job waits, all requests are simulated as rows of one
+batch, or of several if the answers would not fit in memory.
 """
 
 from __future__ import annotations
@@ -28,10 +28,15 @@ def run_together(
     length: int = 1,
     at_once: float = AT_ONCE,
 ) -> list[T]:
-    """Return the results of `jobs`, in order; `evaluate` gets the merged requests.
+    """Return the results of the jobs, in order; the first exception of a job is raised once all have ended.
 
-    The first exception of a job is raised. `turn` is called each time all jobs wait, before any is answered. Answers
-    have `length` numbers each and are computed at most `at_once` bytes at a time, but at least one request at a time.
+    Args:
+        jobs: functions of `submit`.
+        evaluate: returns the residuals of worlds; it gets the merged requests.
+        progress: called with a message after each round of requests.
+        turn: called each time all jobs wait, before any is answered.
+        length: of a residual.
+        at_once: bytes of residuals that are computed at a time, though at least one job's request.
     """
     lock = threading.Condition()
     asked: dict[int, Sequence[World]] = {}

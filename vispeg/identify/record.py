@@ -34,9 +34,9 @@ def controller(
     kp: np.ndarray | None = None,
     kd: np.ndarray | None = None,
 ) -> Control:
-    """Return a controller that docs/formats.md states, with default gains unless given; nominal gravity is compensated.
+    """Return a controller as docs/formats.md defines it, by default with usual gains; it compensates nominal gravity.
 
-    Servos only take position goals: their loop is built in, and effects describe it.
+    A servo takes position goals only, and has no gains here: its loop is built in, and effects describe it.
 
     Raises:
         UserError: gains of the wrong length or sign, or gains of servos.
@@ -74,19 +74,21 @@ def record(
 
     Args:
         world: the plant, effects included; its tool is declared in the recording, its effects are not.
-        motion: the command; `ee_cmd` is derived from `q_cmd` where an osc controller needs one.
-        control: the controller. In mode `torque` the joint servo with these gains computes `tau_cmd`.
+        motion: the command; `ee_cmd` is derived from `q_cmd` if an osc controller needs it.
+        control: the controller. In mode `torque` a joint position loop with these gains computes `tau_cmd`.
         noise: 1-sigma of white noise on `q`, `dq`, `tau`, `ee`; it is added to the recorded readings only, not in the
             loop. If any encoder has steps, the noise of all encoders is added in the loop instead, before rounding.
         rng: random generator.
         torque_sensor: what `tau` measures; `none` leaves it out. A servo has a `load` instead, its motor's torque.
-        repeat: how often the same motion is run; more than one run become episodes.
+        repeat: how often the same motion is run; several runs become episodes.
         name: name of the recording.
         nthread: threads of the simulation.
-        watch: called with the true joint angles (n, nj) rad of a run, for an external observer such as a camera.
+        watch: called with the true joint angles (n, nj) rad of the first run, for an external observer such as a
+            camera, if the simulation keeps them.
 
     Raises:
-        UserError: the arm does not follow (the controller is unstable with this plant).
+        UserError: the arm does not follow (the controller is unstable with this plant), or a motion of the flange
+            without an osc controller.
     """
     robot, quiet = load(world.robot, tool=world.tool), dict(noise)
     sensed = None
@@ -131,7 +133,7 @@ def _signals(
     row: int,
     torque_sensor: Literal["joint", "motor", "none"],
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Return the sensor readings in one row of a response, and the commands."""
+    """Return the sensor readings, without noise, in row `row` of a response, and the commands, both by column name."""
     q, dq, tau = response.q[row], response.dq[row], response.tau_motor[row]
     if control.mode == "servo":
         return {"q": q, "load": tau}, {"q_cmd": motion.q_cmd}
@@ -155,9 +157,9 @@ def drive(
     want_ee: bool = False,
     sensed: ReadingNoise | None = None,
 ) -> tuple[Segment, Response]:
-    """Return the commands of a controller and the resulting readings of one world, with only the noise in `sensed`.
+    """Drive one world through a motion and return the commands and the response.
 
-    There is one row, or one for each of `sensed`.
+    The response has one row without noise, or, if `sensed` is given, a row for each row of that noise in the loop.
 
     Raises:
         UserError: the arm does not follow (the controller is unstable with this plant).
@@ -175,7 +177,7 @@ def drive(
 
 
 def centre_of(robot: RobotModel) -> np.ndarray:
-    """Return the centre posture (nj,) rad of motions."""
+    """Return the posture (nj,) rad around which a robot's motions are by default."""
     return room_of(robot, 100.0, 1.0).centre
 
 

@@ -1,4 +1,4 @@
-"""Compare tosses of a free object window by window, each rollout starting from a measured state.
+"""The evidence of tosses: compare them window by window, each rollout starting from a measured state of the object.
 
 A whole toss is a long chain of bounces: a small error in one becomes a large one after the next, so the end says
 little about the stiffness of a contact. A window that starts just before a contact shows that contact alone
@@ -33,20 +33,21 @@ LONGEST_STEP = 1.2e-3  # s
 ROWS = 8192  # rollouts per batch
 LOST = 1e3  # whitened residual of a rollout that diverged
 MOST = 1500  # largest number of windows; of more, whole tosses are dropped evenly
-# What an effect needs (`Effect.needs`) that no toss has. A soft contact may follow blows better, whose law is not the
-# simulator's, and sink at rest by what no pose shows.
+# What an effect may need (`Effect.needs`) that no toss has, and why. Without this a soft contact would be found: it may
+# fit real impacts, which do not follow the simulator's law, while no pose shows how far the object sinks in at rest.
 NO_TOSS_HAS = {"two forces": "at rest its own weight alone presses on it"}
 
 
 @dataclass(frozen=True)
 class Windows:
-    """Windows of one toss.
+    """The windows of one toss: an item of the evidence.
 
     Attributes:
+        recording: that the toss is in.
         robot: the object.
         first, last: (n,) first and last row of each window in the recording.
-        measured: (n, 6) position at the end, m, and zeros: rotations are relative to the measured orientation.
-        sigma: (6,) error in free flight, m and rad, at 1 sigma.
+        sigma: (6,) standard deviation of the error in free flight, m and rad.
+        nj: number of columns of `measured`.
     """
 
     recording: ObjectRecording
@@ -59,7 +60,10 @@ class Windows:
 
     @cached_property
     def measured(self) -> np.ndarray:
-        """Measured pose at each window's end, (n, 6), as in the attributes."""
+        """Measured pose at each window's end, (n, 6): position in m, and zeros.
+
+        Predicted rotations are relative to the measured orientation.
+        """
         end = self.recording.pose[self.last, :3]
         return np.column_stack([end, np.zeros_like(end)])
 
@@ -70,14 +74,18 @@ class Windows:
 
 
 class Restarts(Evidence):
-    """Comparison of recorded windows with an object's model.
+    """Windows of tosses in which the object may touch something, compared with its model.
 
     Args:
-        recordings: of one object.
+        recordings: of one object, at one rate.
         model: the object.
         seconds: length of a window; None for whole tosses.
-        sigma: (6,) floor to whiten by; None takes it from the windows in free flight.
-        nthread: threads.
+        sigma: (6,) noise to whiten by, m and rad; None takes it from the windows in free flight.
+        nthread: threads of the simulation.
+
+    Raises:
+        UserError: recordings of another object or rate, or without windows of this length, contact, or, if the noise
+            is asked of them, free flight.
     """
 
     def __init__(
@@ -117,7 +125,7 @@ class Restarts(Evidence):
         self.rollouts = 0.0
 
     def _windows(self, rec: ObjectRecording) -> list[Windows]:
-        """Return the windows of each toss, end to end."""
+        """Return the windows of each toss, one after the other; tosses that are too short are left out."""
         out = []
         for rows in rec.tosses:
             length = rows.stop - rows.start - 1
@@ -148,7 +156,7 @@ class Restarts(Evidence):
         return [windows[i] for i in np.unique(keep)] if windows else []
 
     def _floor(self) -> np.ndarray:
-        """Return the robust standard deviation (6,) of windows in free flight: position and rotation, isotropic."""
+        """Return the robust standard deviation (6,) of the error in free flight, one for position, one for rotation."""
         count = sum(len(w.first) for w in self.flight)
         if count < RULES.flights_least:
             raise UserError(
@@ -167,7 +175,7 @@ class Restarts(Evidence):
         return "m"
 
     def over(self, seconds: float | None) -> Restarts:
-        """Return the same tosses in windows of another length."""
+        """Return the same tosses in windows of another length, whitened by the same noise."""
         return Restarts(self.recordings, self.model, seconds, sigma=self.sigma, nthread=self.nthread)
 
     def sees(self, kind: Effect) -> bool:
@@ -175,10 +183,11 @@ class Restarts(Evidence):
         return self._acts(kind) and kind.needs not in NO_TOSS_HAS
 
     def _acts(self, kind: Effect) -> bool:
+        """Return whether the object is the only place of an effect."""
         return kind.targets(self.model) == list(self.model.free)
 
     def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
-        """Return for each toss the predicted poses at the windows' ends, (nworld, n, 6); see Windows.measured."""
+        """Return for each toss the predicted poses at the windows' ends, (nworld, n, 6), as in `Windows.measured`."""
         self.rollouts += len(worlds) * sum(float(np.sum(w.last - w.first)) for w in self.items) / self.rate
         return self._predicted(worlds, self.items)
 
@@ -190,7 +199,7 @@ class Restarts(Evidence):
 
     @staticmethod
     def whiten(item: Windows, predicted: np.ndarray) -> np.ndarray:
-        """Return the whitened residual (n, 6), Huber-damped: its square is linear beyond `toss_far` floors."""
+        """Return the whitened residual (n, 6), damped so that its square grows linearly beyond `toss_far` (Huber)."""
         r = (item.measured - predicted) / item.sigma
         r = np.where(np.isfinite(r), np.clip(r, -LOST, LOST), LOST)
         size = np.abs(r)
@@ -219,6 +228,7 @@ class Restarts(Evidence):
         return float(np.sqrt(3.0) * self.sigma[0])
 
     def _predicted(self, worlds: Sequence[World], windows: Sequence[Windows]) -> list[np.ndarray]:
+        """Return for each toss the predicted poses at the ends of its windows, (nworld, n, 6)."""
         first = np.concatenate([w.first for w in windows])
         length = np.concatenate([w.last - w.first for w in windows])
         pose = np.concatenate([w.recording.pose[w.first] for w in windows])
@@ -238,7 +248,7 @@ class Restarts(Evidence):
         return np.split(out, cuts, axis=1)
 
     def _flown(self, worlds: Sequence[World], pose: np.ndarray, rate: np.ndarray, length: np.ndarray) -> np.ndarray:
-        """Return poses (nworld, n, 7) after `length` (n,) samples from states `pose` (n, 7), `rate` (n, 6)."""
+        """Return poses (nworld, n, 7) after `length` (n,) samples from n states of `pose` (n, 7) and `rate` (n, 6)."""
         from mujoco.batch import Batch
 
         k, n = len(worlds), len(pose)

@@ -1,4 +1,8 @@
-"""Signature of an effect: difference between noiseless closed-loop motions with and without it."""
+"""The signature of an effect in time: the difference between noiseless closed-loop motions with and without it.
+
+It is drawn to explain an effect. (A diagnosis uses the signatures of `diagnosis.evidence.signatures`, the same
+difference in the residual.)
+"""
 
 from __future__ import annotations
 
@@ -22,16 +26,16 @@ JOINT, LINK = "joint4", "link4"  # default place of an effect
 
 @dataclass(frozen=True)
 class Signature:
-    """An effect at a typical size under joint position control.
+    """An effect at a typical size under joint position control, or in a servo's own loop if it acts only there.
 
     Attributes:
         placed: the effect, its place and values.
-        joint: the joint with the largest deviation.
-        motion: commanded motion.
+        joint: the joint shown: the effect's own, else the one with the largest deviation times stiffness.
+        motion: name of the commanded motion.
         time: (n,) s.
         deviation: (n,) rad, measured angle with the effect minus without.
         torque: (n,) N m, motor torque with the effect minus without.
-        angle, speed: (n,) rad, rad/s, of that joint without the effect: what the torque may depend on.
+        angle, speed: (n,) rad, rad/s, of the joint without the effect: what the torque may depend on.
     """
 
     placed: EffectInstance
@@ -45,7 +49,10 @@ class Signature:
 
 
 def signature(name: str, where: str | None = None, *, robot: str = "iiwa14", seed: int = 0) -> Signature:
-    """Drive the robot with and without the effect: slow and fast strokes for joint effects, else a Fourier motion."""
+    """Drive the robot with and without an effect: slow and fast strokes for joint effects, else a Fourier motion.
+
+    `where` is by default a joint or link in the middle of the arm, if the effect has such a place, else its first one.
+    """
     kind, model = effect(name), load(robot)
     targets = kind.targets(model)
     usual = next((t for t in (JOINT, LINK) if t in targets), targets[0])

@@ -1,4 +1,7 @@
-"""Free parameters of a world as a vector in optimizer units."""
+"""The free parameters of a world as a vector of coordinates, in units that suit an optimizer.
+
+A unit is a typical size of the parameter, or 1 in the logarithm of a parameter on a log scale.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from vispeg.core.effect import Effect, EffectInstance, effect
 from vispeg.core.params import Param
 from vispeg.worlds.world import World
 
-SHORTEST = 1e-3  # of an optimizer unit: shortest finite-difference step
+SHORTEST = 1e-3  # shortest finite-difference step, in units
 
 
 @dataclass(frozen=True)
@@ -32,10 +35,10 @@ class Axis:
 
 
 class Freedom:
-    """Parameters that a fit may change, and their finite-difference steps; by default all, steps from Param.
+    """Which parameters a fit may change, and by which finite-difference steps; an evidence may override both.
 
     Attributes:
-        held: parameters (effect, name) that stay fixed.
+        held: parameters (effect, name) that stay fixed; for use by subclasses.
     """
 
     held: frozenset[tuple[str, str]] = frozenset()
@@ -45,12 +48,12 @@ class Freedom:
         return True
 
     def nudge(self, kind: Effect, name: str) -> float | None:
-        """Return the finite-difference step in the parameter's unit (or its logarithm's); None for the default."""
+        """Return the finite-difference step of a parameter, in its physical unit or in its logarithm; None: default."""
         return None
 
 
 class Space:
-    """Free parameters, as `freedom` allows, of the effects at `free` (indices into `world.effects`)."""
+    """The parameters that `freedom` allows (by default all) of the effects at `free`, indices into `world.effects`."""
 
     def __init__(self, world: World, free: Sequence[int], freedom: Freedom | None = None):
         self.freedom = freedom or Freedom()
@@ -91,11 +94,11 @@ class Space:
         return replace(self.world, effects=tuple(effects))
 
     def steps(self, u: np.ndarray) -> np.ndarray:
-        """Return finite-difference steps, pointing away from the nearer bound.
+        """Return finite-difference steps (naxis,) at `u`, negative if a positive one would pass the upper bound.
 
-        A value much smaller than its unit, such as a wrist's rotor inertia, needs shorter ones. A rough effect needs
-        longer ones, but not on a log scale, where a unit is long already: 5 % of a ripple's poles is most of a radian
-        of phase.
+        They are 0.02 of a unit. A magnitude much smaller than its unit, such as a wrist's rotor inertia, has shorter
+        ones. An effect in which the residual is not smooth has longer ones, but not on a log scale, where 5 % is long
+        already: 5 % of a ripple's poles is most of a radian of phase.
         """
         low, high = self.bounds
         long = [not effect(self.world.effects[a.index].effect).smooth and a.param.scale == "linear" for a in self.axes]

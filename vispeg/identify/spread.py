@@ -14,16 +14,16 @@ from vispeg.identify.evidence import Evidence
 from vispeg.identify.pool import Submit
 from vispeg.worlds.world import World
 
-_made: OrderedDict[str, Evidence] = OrderedDict()  # evidence built by this worker
-KEPT = 2
+_made: OrderedDict[str, Evidence] = OrderedDict()  # evidence that this worker process has built, by name
+KEPT = 2  # most of them kept
 
 
 def spread(make: Callable[[], Evidence], workers: int) -> Submit:
     """Return a function that evaluates worlds on a cluster in `workers` parallel parts.
 
     Args:
-        make: builds the evidence, once in each worker; sent by value.
-        workers: processes, each on one core.
+        make: builds the evidence, once in each worker process, to which it is sent.
+        workers: number of processes, each on one core.
     """
     name = uuid4().hex
 
@@ -39,7 +39,7 @@ def spread(make: Callable[[], Evidence], workers: int) -> Submit:
 
 
 def _residuals(name: str, make: Callable[[], Evidence], part: tuple[int, Sequence[World]]) -> list[np.ndarray]:
-    """Return the residuals of a part of the worlds, in a worker."""
+    """Return the residuals of the worlds in `part` (its number, its worlds); runs in a worker."""
     if name not in _made:
         _made[name] = make()
         while len(_made) > KEPT:

@@ -1,8 +1,9 @@
-"""Fit to rough evidence: line searches along each parameter, then a quadratic surface with bootstrap intervals.
+"""Fit to tosses: line searches along each parameter, then a quadratic surface with bootstrap intervals.
 
 Rollouts with contact diverge at edges, so finite differences over small steps are noise, but the error over finite
-sizes is smooth. Source: response surfaces, Box and Wilson, J. Royal Statistical Society B 13(1), 1951; intervals by
-resampling whole blocks, Efron, Annals of Statistics 7(1), 1979.
+sizes is smooth. A surface is the squared residual as a quadratic function of the parameters, fitted to its values at
+points in a box. Source: response surfaces, Box and Wilson, J. Royal Statistical Society B 13(1), 1951; intervals by
+resampling whole blocks (tosses), Efron, Annals of Statistics 7(1), 1979.
 """
 
 from __future__ import annotations
@@ -20,14 +21,12 @@ from vispeg.identify.restarts import Restarts
 from vispeg.identify.space import Space
 from vispeg.worlds.world import World
 
-LINE = np.linspace(-1.0, 1.0, 7)
-SPANS = (0.7, 0.3)  # optimizer units searched to either side, in each round
-BOX, NARROW, MOVES = (
-    0.35,
-    0.4,
-    2,
-)  # half width of the first surface, optimizer units; smallest share of it for a later one
-DRAWS = 400
+LINE = np.linspace(-1.0, 1.0, 7)  # points of a line search, in spans
+SPANS = (0.7, 0.3)  # optimizer units searched to either side, in each round of line searches
+BOX = 0.35  # half width of the first surface's box, optimizer units
+NARROW = 0.4  # least half width of the next box, as a share of the last one's
+MOVES = 2  # surfaces between the first and the last
+DRAWS = 400  # of the bootstrap
 
 
 def cost(evidence: Restarts, worlds: Sequence[World]) -> np.ndarray:
@@ -37,7 +36,10 @@ def cost(evidence: Restarts, worlds: Sequence[World]) -> np.ndarray:
 
 
 def coordinates(space: Space, u: np.ndarray) -> np.ndarray:
-    """Return optimizer units per coordinate at `u`: a scale with null 1 moves by a share of itself on any axis."""
+    """Return for each coordinate at `u` the size of a step of one unit: a scale moves by a share of itself.
+
+    A scale is a parameter whose null is not 0; on a log axis, that is a step of 1.
+    """
     return np.array(
         [1.0 if a.param.scale == "log" or a.param.null == 0 else abs(x) for a, x in zip(space.axes, u, strict=True)]
     )
@@ -50,9 +52,10 @@ def line_job(
     spans: Sequence[float] = SPANS,
     ended: tuple[Sequence[float], bool] | None = None,
 ) -> Callable[[Submit], Fit]:
-    """Return a job like `fit_job`, of line searches along one parameter at a time, the last effect's first.
+    """Return a job like that of `fit_job`, by line searches along one parameter at a time, the last effect's first.
 
-    Its fit has no derivatives and no intervals, see `with_intervals`.
+    Its fit has no derivatives and no intervals, see `with_intervals`. `spans` are the half widths of each round;
+    `ended` is as in `fit_job`.
     """
 
     def job(submit: Submit) -> Fit:
@@ -72,9 +75,10 @@ def line_job(
 
 
 def with_intervals(evidence: Restarts, world: World, free: Sequence[int], rng: np.random.Generator) -> World:
-    """Return the world at the minimum of a quadratic surface, with 95 % intervals by block bootstrap.
+    """Return the world at the minimum of a quadratic surface, with 95 % intervals by bootstrap over tosses.
 
-    Each further surface is centred on the previous minimum and as wide as its intervals, until the minimum is inside.
+    Each further surface is centred on the previous minimum; if that was inside its box, the next box is about as wide
+    as the intervals. It ends when the minimum is inside a box narrower than the first, or after the last surface.
     """
     first = Space(world, free)
     box = BOX * coordinates(first, first.start)
@@ -103,7 +107,10 @@ def with_intervals(evidence: Restarts, world: World, free: Sequence[int], rng: n
 def _surface(
     evidence: Restarts, space: Space, box: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the minimum (k,) of a quadratic about the space's start and its 95 % interval (2, k), in `box`."""
+    """Return the minimum (k,) of a quadratic surface and its 95 % interval (2, k), as shares of `box`.
+
+    The box of half widths `box` (k,) is about the space's start.
+    """
     u, (low, high), k = space.start, space.bounds, len(space.axes)
     design = np.vstack([np.zeros(k), np.eye(k), -np.eye(k), rng.uniform(-1, 1, (8 * k, k))])
     points = np.clip(u + box * design, low, high)
@@ -122,7 +129,10 @@ def _terms(x: np.ndarray) -> np.ndarray:
 
 
 def _bottom(f: np.ndarray, k: int) -> np.ndarray:
-    """Return the minimum (k,) of a quadratic in the box (-1, 1); by its slopes if it has no minimum."""
+    """Return the minimum (k,) of a quadratic with coefficients `f` (of `_terms`), clipped to 1.5 boxes.
+
+    A direction without a minimum is given a slight upward curvature.
+    """
     slope, curve = f[1 : 1 + k], np.zeros((k, k))
     curve[np.triu_indices(k)] = f[1 + k :]
     curve = curve + curve.T

@@ -21,7 +21,7 @@ from vispeg.sim.segments.along import gravity, inertia
 from vispeg.sim.segments.segment import Segment, segments
 
 MOTION_HZ = 15.0  # bandwidth within which the motion's acceleration is reliable
-OPEN = "{}: a drive is saturated most of the time, so the torques that its loop asked for drive the models"
+OPEN = "{}: a drive is saturated most of the time, so the torques that its loop asked for drive the models"  # a note
 
 
 def driven(rec: Recording, robot: RobotModel) -> Recording:
@@ -32,7 +32,11 @@ def driven(rec: Recording, robot: RobotModel) -> Recording:
 
 
 def saturated(rec: Recording, robot: RobotModel) -> np.ndarray:
-    """Return the joints whose drive torque stays at one limit most of the time, (nj,) bool."""
+    """Return the joints whose drive is saturated most of the time, (nj,) bool.
+
+    In such a joint the loop mostly asks for far more than the motion needs, and what it needs then is nearly constant:
+    the limit of the drive.
+    """
     parts = [_torques(rec, robot, s) for s in segments(rec)]
     if not parts:
         return np.zeros(len(rec.joints), bool)

@@ -1,10 +1,10 @@
-"""Stretches of a recording in which a closed loop lost the arm.
+"""Leave out stretches of a recording in which a closed loop lost the arm.
 
 Near the brink of stability (readings that come late) or in a singular posture (operational space control) a loop may
 throw the arm about at many times the speed it is made for. There errors grow from tick to tick: noise decides the
-motion, the correct model diverges from the recording like any other, and this error dominates that of the rest of the
+motion, the right model diverges from the recording like any other, and this error dominates that of the rest of the
 recording. So such a stretch is excluded, and so is what follows, because a loop this close to instability takes seconds
-to forget an inexact start state. Only if control is lost at the very start, the part after it is used.
+to forget an inexact start state. Only if too little comes before it, the part after it is used.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ RUNAWAY = (
 
 
 def in_hand(rec: Recording, robot: RobotModel, least: float) -> Recording:
-    """Return the recording with only the part of each episode before the loop lost the arm, or else after it.
+    """Return the recording with only the first part of each episode longer than `least` s without loss of control.
 
-    Return `rec` itself if there are no such stretches, if no loop is known that could lose the arm, if the robot's file
-    states no speed limits, or if nothing longer than `least` seconds would be left.
+    Return `rec` itself if the arm is never lost, if no loop is known that could lose it, if the robot's file states no
+    speed limits, or if nothing longer than `least` seconds would be left.
     """
     if rec.control.mode not in ("position", "osc"):
         return rec
@@ -45,7 +45,7 @@ def in_hand(rec: Recording, robot: RobotModel, least: float) -> Recording:
 
 
 def said(before: Recording, after: Recording) -> str:
-    """Return a message on what was left out of a recording."""
+    """Return a message on what of the recording `before` was left out in `after`."""
     spent = [np.ptp(time) for time in (after.time, before.time)]
     return RUNAWAY.format(before.name, RULES.runaway_speed, *spent, after.time[0])
 

@@ -1,4 +1,4 @@
-"""Operational space control with a null space too soft to hold a rollout near the recorded posture.
+"""Replace operational space control (OSC) whose null space is too soft to hold a rollout near the recorded posture.
 
 With a null-space stiffness of 10 1/s^2, a missing torque of 5 N m moves the posture by half a radian. The model then
 has another inertia and gravity, its error is not linear in what is missing, and no candidate can be recognised. As for
@@ -39,7 +39,10 @@ def near(evidence: Evidence, world: World) -> Evidence:
 
 
 def _drift(evidence: Evidence, world: World) -> dict[int, float]:
-    """Return by id the worst joint's RMS angle of each OSC recording that the world leaves by more than `posture`."""
+    """Return for each OSC recording, by id, how far the world drifts from it, if that is more than `posture`.
+
+    The drift is the RMS angle error of the worst joint, rad.
+    """
     if all(i.recording.control.mode != "osc" for i in evidence.items):
         return {}
     out: dict[int, float] = {}
@@ -54,14 +57,17 @@ def _drift(evidence: Evidence, world: World) -> dict[int, float]:
 
 
 def as_asked(rec: Recording, robot: RobotModel) -> Recording:
-    """Return an OSC recording as one under torque control, with the torques that its law commands, without gravity."""
+    """Return an OSC recording as one under torque control, with the torques that its law commands from the readings.
+
+    Gravity compensation is not in them. They are NaN at samples with a missing angle.
+    """
     read = np.isfinite(rec.q).all(axis=1, keepdims=True)
     torque = np.where(read, _asked(rec, robot, np.nan_to_num(rec.q)), np.nan)
     return replace(rec, control=replace(rec.control, mode="torque"), tau_cmd=torque)
 
 
 def _asked(rec: Recording, robot: RobotModel, q: np.ndarray) -> np.ndarray:
-    """Return the torques (n, nj) N m of the law of osc (docs/formats.md) at readings q (n, nj), without gravity."""
+    """Return the torques (n, nj) N m that the OSC law (docs/formats.md) commands at readings q, without gravity."""
     c, n = rec.control, len(q)
     assert rec.ee_cmd is not None and c.kp is not None and c.kd is not None
     dq = np.nan_to_num(smooth(rec.time, q, MOTION_HZ)[1] if rec.dq is None else rec.dq)

@@ -1,4 +1,4 @@
-"""Motion due to sensor noise in the feedback of a loop, which even the correct model cannot predict.
+"""Motion due to sensor noise in the feedback of a loop, which even the right model cannot predict.
 
 Operational space control feeds back velocities through the task-space inertia and holds its null space softly, so a
 milliradian a second of noise moves the arm by more than its encoders' noise. In joint servos this is small, except with
@@ -20,16 +20,17 @@ from vispeg.recordings.recording import Recording
 from vispeg.sim.rollout import ReadingNoise, simulate
 from vispeg.worlds.world import World
 
-DRAWS = 16
+DRAWS = 16  # of the noise
 
 
 def stirred(evidence: Evidence, world: World) -> float:
-    """Return the mean squared motion of `world` due to noise in its feedback, in noise variances.
+    """Return the mean squared motion of `world` due to noise in its feedback, over the variance of the readings' noise.
 
     It adds to the noise of the readings themselves (`reading_noise`), and is 0 except under OSC or if `world` has an
-    encoder coarser than its noise. Simulated with noise as stated or measured, draws differ widely, because a null
-    space drifts slowly, so the 90 % quantile is returned. With coarse encoders, where each draw starts elsewhere within
-    a step, it is the median, so that a wide floor does not hide missing effects.
+    encoder coarser than its noise. It is simulated with draws of the stated or measured noise. They differ widely,
+    because a null space drifts slowly, so a high quantile of them is returned (`noise_quantile`). With coarse encoders,
+    where each draw starts elsewhere within a step, it is a lower one (`noise_quantile_coarse`), so that a wide floor
+    does not hide missing effects.
     """
     total, count, share = np.zeros(DRAWS), 0, RULES.noise_quantile
     for item in evidence.items:
@@ -59,10 +60,10 @@ def stirred(evidence: Evidence, world: World) -> float:
 
 
 def within(evidence: Evidence, world: World) -> bool:
-    """Return whether the error of a world under OSC can be explained by amplified noise in its feedback.
+    """Return whether the error of a world under OSC is no larger than what noise in its feedback, amplified, makes.
 
     Near a singular posture a loop amplifies noise by a factor of thousands. Any small effect then moves the arm as far,
-    and whether it lowers the error is chance. False if another loop or a coarse encoder contributes.
+    and whether it lowers the error is chance. False if any recording has another loop or a coarse encoder.
     """
     if evidence.unit != "rad" or any(i.recording.control.mode != "osc" or _coarse(i, world) for i in evidence.items):
         return False
@@ -71,12 +72,15 @@ def within(evidence: Evidence, world: World) -> bool:
 
 
 def _coarse(item: Item, world: World) -> bool:
-    """Return whether a world reads some joint in steps much wider than its noise."""
+    """Return whether in a world the encoder of some joint has steps much wider than its noise."""
     return bool(np.any(reading_noise(item, world) > RULES.coarse * item.sigma[: item.nj]))
 
 
 def _begun(item: Item, world: World, draw: int) -> World:
-    """Return the world with each encoder's zero at a random point of its step, so the arm starts off its reading."""
+    """Return the world with each stepped encoder's zero shifted at random within a step; `draw` seeds it.
+
+    So the arm starts somewhere within the step that is read.
+    """
     rng = stream(draw, "begun")
     for joint in item.recording.joints:
         steps = [
@@ -107,7 +111,7 @@ def reading_noise(item: Item, world: World) -> np.ndarray:
 
 
 def _velocity_noise(rec: Recording) -> np.ndarray:
-    """Return the velocity noise (nj,) rad/s of a recording; 0 if velocities are derived from angles."""
+    """Return the velocity noise (nj,) rad/s of a recording; 0 if it has neither velocities nor a statement of it."""
     if "dq" in rec.noise:
         return np.full(len(rec.joints), float(rec.noise["dq"]))
     return np.zeros(len(rec.joints)) if rec.dq is None else highpass_sigma(rec.dq)

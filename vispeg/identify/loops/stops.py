@@ -1,4 +1,4 @@
-"""Joint stops of a robot's model that its measured motion passes."""
+"""Leave out joint stops of a robot's model that its measured motion passes: the robot cannot have them there."""
 
 from __future__ import annotations
 
