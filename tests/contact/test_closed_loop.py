@@ -11,6 +11,7 @@ import pytest
 from vispeg.contact.again import last_judge
 from vispeg.contact.again.closed_loop import closed_loop
 from vispeg.core.effect import EffectInstance
+from vispeg.core.errors import UserError
 from vispeg.core.params import Value
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
@@ -22,6 +23,7 @@ from vispeg.task.belief import believed
 from vispeg.task.rig.motions import CellMotion, Place
 from vispeg.task.rig.path import commands
 from vispeg.task.rig.record import record_cell
+from vispeg.task.rig.replay import replay
 from vispeg.worlds.world import World
 
 MODEL = World("iiwa14", CELL, cell=CellBelief("nominal"))
@@ -63,6 +65,10 @@ def test_only_what_can_be_run_again_is():
     rec = insertion("tilted")
     assert closed_loop([replace(rec, outcomes=())], {}) == ([], [])
     assert closed_loop([replace(rec, control=replace(rec.control, mode="unknown"))], {}) == ([], [])
+    with pytest.raises(UserError, match="control.mode: cannot be replayed; expected osc; got 'unknown'"):
+        replay(replace(rec, control=replace(rec.control, mode="unknown")), [World()])
+    with pytest.raises(UserError, match="without commanded flange poses; expected columns ee_cmd"):
+        replay(replace(rec, ee_cmd=None), [World()])
     keep = np.r_[:700, 705 : len(rec.time)]
     gap = replace(rec, time=rec.time[keep], q=rec.q[keep], ft=rec.ft[keep], ee_cmd=rec.ee_cmd[keep])
     replayed, said = closed_loop([gap], {"given": World()})

@@ -29,7 +29,7 @@ STEPS = RNG.integers(0, 4000, (4, H, W), dtype=np.uint16)
 JOINTS = ("joint1", "joint2")
 
 
-def bag(path, kind, damaged=""):
+def bag(path, kind, damaged="", lens=(0.1, -0.02, 1e-3, 2e-3, 0.0), focal=20.0):
     """Joint states, and each way of sending a picture, four of each at 0.1 to 0.4 s; rows are padded by 5 bytes."""
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin, Writer
@@ -59,11 +59,10 @@ def bag(path, kind, damaged=""):
         return types["sensor_msgs/msg/CompressedImage"](header(at), form, np.frombuffer(data, np.uint8))
 
     def info(at):
-        K = np.array([20.0, 0, 7.5, 0, 21.0, 5.5, 0, 0, 1])
+        K = np.array([focal, 0, 7.5, 0, 21.0, 5.5, 0, 0, 1])
         roi = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
-        lens = np.array([0.1, -0.02, 1e-3, 2e-3, 0.0])
         rest = np.eye(3).ravel(), np.zeros(12), 0, 0, roi
-        return types["sensor_msgs/msg/CameraInfo"](header(at), H, W, "plumb_bob", lens, K, *rest)
+        return types["sensor_msgs/msg/CameraInfo"](header(at), H, W, "plumb_bob", np.array(lens), K, *rest)
 
     with writer:
         links = {}
@@ -169,6 +168,21 @@ def test_what_is_wrong_with_a_bags_pictures_is_said(tmp_path):
     ):
         with pytest.raises(UserError, match=said):
             import_rosbag(source, "iiwa14", JOINTS, ColumnMap(), Topics(images=images), tmp_path)
+
+
+def test_a_camera_that_cannot_be_read_says_why(tmp_path):
+    """A lens is refused for its coefficients, not for the name of its model, which is the expected one."""
+    pytest.importorskip("rosbags")
+    topics = Topics(images=("/wrist/color/image_raw",))
+    for number, (stated, said) in enumerate(
+        (
+            ({"lens": (0.1, 0.0, 0.0, 0.0, 0.0, 0.2)}, r"lens model.*no coefficient but.*plumb_bob, \[0.1, .*0.2\]"),
+            ({"focal": 0.0}, "not calibrated: its CameraInfo states no focal length"),
+        )
+    ):
+        source = bag(tmp_path / f"run{number}", "mcap", **stated)
+        with pytest.raises(UserError, match=said):
+            import_rosbag(source, "iiwa14", JOINTS, ColumnMap(), topics, tmp_path)
 
 
 def test_cameras_are_named_after_their_namespace():

@@ -110,7 +110,7 @@ def test_the_refusal_of_a_range_names_motors(tmp_path, arm):
 
 
 BAD = {
-    "same": ({"elbow_joint": {"lift_joint": 2.0}, "lift_joint": {"lift_joint": 1.0}}, "in one proportion"),
+    "same": ({"elbow_joint": {"lift_joint": 2.0}, "lift_joint": {"lift_joint": 1.0}}, "the matrix is singular"),
     "zero": ({"lift_joint": 0}, "is no ratio; expected joint angle over motor angle"),
     "text": ({"lift_joint": "eight"}, "is no ratio"),
     "fraction": ({"lift_joint": "1/2/3"}, "is no ratio"),

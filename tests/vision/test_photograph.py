@@ -200,6 +200,19 @@ def test_the_arm_alone_has_no_cell():
         record_look(load_model("iiwa14"))
 
 
+def test_what_is_wrong_with_cameras_and_pictures_is_said(stage):
+    """A rate that the joints' samples allow may still give too many pictures, and each is said by itself."""
+    scene, cameras, _ = stage
+    with pytest.raises(UserError, match="not a possible frame rate.*500 Hz; got 600"):
+        record_look(CELL, "look", cameras[:1], fps=600.0, rate_hz=500.0)
+    with pytest.raises(UserError, match="too many pictures; expected at most 5000.*got 6400"):
+        record_look(CELL, "look", cameras[:1], fps=400.0, rate_hz=500.0, duration=16.0)
+    with pytest.raises(UserError, match="cameras: two cameras have the same name"):
+        cameras_of(["wrist_wide", "wrist_wide"], scene, (64, 48))
+    with pytest.raises(UserError, match="cameras: no camera"):
+        cameras_of([], scene, (64, 48))
+
+
 def test_a_look_is_a_worlds(stage):
     scene = stage[0]
     first, again, other = (look_of(text, scene) for text in ("S/3", "S/3", "S/4"))

@@ -1,4 +1,4 @@
-"""Errors of the file system, reported in one line."""
+"""Reasons of file system errors in words, and which of them mean that a place cannot be written."""
 
 from __future__ import annotations
 
@@ -12,33 +12,38 @@ from pathlib import Path
 
 from vispeg.core.errors import UserError
 
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)  # a disk that cannot be written at all
-NO_TEMPORARY = "No usable temporary directory"  # message of `tempfile`, whose errno is that of a missing file
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)  # the disk takes no more data
+NO_TEMPORARY = "No usable temporary directory"  # in the message of `tempfile`; its errno is that of a missing file
 
 
 def why(error: OSError) -> str:
-    """Return the reason of a file error in words.
+    """Return the reason of an error in words, in one line.
 
-    If a parent folder is a file, say so: the system's own message is only that something exists.
+    It is the system's own, except where a file stands in the place of a folder of the path, for which the system says
+    only that a file exists, or that something is not a directory.
     """
     if isinstance(error, FileExistsError | NotADirectoryError):
         return "a folder above it is a file"
-    if isinstance(error, shutil.Error):  # of a whole tree: [(from, to, what was said), ...]
+    if isinstance(error, shutil.Error):  # of copying a tree: [(from, to, message), ...], of which the first is told
         said = str(error.args[0][0][-1])
-        number = re.match(r"\[Errno (\d+)\]", said)  # the rest names temporary files
+        number = re.match(r"\[Errno (\d+)\]", said)  # what follows the number names temporary files
         return said if number is None else os.strerror(int(number[1]))
     return error.strerror or str(error)
 
 
 def refused(error: OSError) -> bool:
-    """Return whether an error is due to a disk that is full, broken or read-only, or to missing permission."""
+    """Return whether an error means that a place cannot be written.
+
+    So do a disk that is full, broken or read-only, a file above the size limit, missing permission, a folder that could
+    not be copied or moved, and a system without a usable temporary folder.
+    """
     if isinstance(error, PermissionError | shutil.Error) or error.errno in FULL:
         return True
     return error.errno == errno.ENOENT and NO_TEMPORARY in str(error.strerror)
 
 
 def failed_in(folder: Path, error: OSError) -> bool:
-    """Return whether an error came from writing into `folder`, not from reading something else."""
+    """Return whether an error came from writing into `folder`: it names a file there, or none and is `refused`."""
     if error.filename is not None:
         return Path(os.fsdecode(error.filename)).is_relative_to(folder)
     return refused(error)
@@ -46,7 +51,7 @@ def failed_in(folder: Path, error: OSError) -> bool:
 
 @contextmanager
 def written(path: str | Path) -> Iterator[None]:
-    """Raise UserError, which names `path`, for any OSError in the body."""
+    """Turn any OSError of the body into a UserError that `path` cannot be written, with the reason."""
     try:
         yield
     except OSError as error:

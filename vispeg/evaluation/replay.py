@@ -1,4 +1,4 @@
-"""Play episodes that begin as trials began, with the policy's actions or with those that a trial recorded."""
+"""Play episodes that begin in the state of a recorded trial, with the policy's actions or with those of the trial."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from vispeg.task.start import Start
 
 @dataclass(frozen=True, eq=False)
 class Replays:
-    """The starts and actions of a job's episodes.
+    """Trials to replay: the seed of an episode says which trial it replays.
 
     Attributes:
-        starts: seed -> start.
-        actions: seed -> recorded actions (n, k), one per step; the policy acts in episodes of other seeds.
+        starts: seed -> state in which the trial began; episodes of other seeds begin as their seed draws.
+        actions: seed -> the trial's actions (n, k), one per step; in episodes of other seeds the policy acts.
     """
 
     starts: Mapping[int, Start]
@@ -25,7 +25,12 @@ class Replays:
 
 
 class Begun:
-    """An environment in which an episode begins as the trial of its seed began."""
+    """A batch of environments whose episodes replay trials.
+
+    Args:
+        env: the batch; its `reset` takes the option `start`.
+        replays: the trials.
+    """
 
     def __init__(self, env: Any, replays: Replays):
         self.env, self.replays, self.num_envs = env, replays, env.num_envs
@@ -33,7 +38,7 @@ class Begun:
         self._step = np.zeros(env.num_envs, int)
 
     def reset(self, *, seed: Any = None, options: Mapping[str, Any] | None = None) -> Any:
-        """Reset as the environment does; rows whose seed has a trial begin as that did, others as their seed draws."""
+        """Reset the environments, or those in the option `reset_mask`; `seed` holds one seed per environment."""
         rows = np.flatnonzero((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=bool)))
         starts: list[Start | None] = [None] * self.num_envs
         for row in rows.tolist():
@@ -42,7 +47,10 @@ class Begun:
         return self.env.reset(seed=seed, options={**(options or {}), "start": starts})
 
     def step(self, actions: np.ndarray) -> Any:
-        """Step as the environment does; rows with recorded actions take those, and zero actions after the last one."""
+        """Step all environments by `actions` (n, k).
+
+        Environments that replay a trial's actions take those instead, and zeros after the last one.
+        """
         actions = np.array(actions, np.float32)
         for row, recorded in enumerate(self._actions):
             if recorded is not None:

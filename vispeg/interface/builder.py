@@ -11,7 +11,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.core.frame import Frame
 from vispeg.interface.interface import Interface
-from vispeg.interface.terms import MEASURED, POLICY, scaled, told
+from vispeg.interface.terms import MEASURED, POLICY, policy_part, scaled
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.image_kinds import KINDS, camera_of
 
@@ -87,7 +87,7 @@ class Builder:
         o.stack.push(values) if self._begun else o.stack.fill(np.arange(1), values)
         self._begun = True
         measured = o.readings().astype(np.float32)
-        return {POLICY: told(o.stack), MEASURED: measured, **images(self.interface, pictures or {})}
+        return {POLICY: policy_part(o.stack), MEASURED: measured, **images(self.interface, pictures or {})}
 
     def act(self, action: np.ndarray) -> np.ndarray:
         """Return the flange pose (7,), m and w x y z in the base, that an action (d,) or (1, d) commands."""

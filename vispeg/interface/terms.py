@@ -1,6 +1,6 @@
-"""Named observation terms other than images, each computed from a robot's measurements.
+"""Named terms of observations other than images, each computed from a robot's measurements.
 
-Register a task's own term here too, so that it can be computed without the simulator.
+A task's own term is registered here too (`enrol`), so that it can be computed on a robot, without the simulator.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from vispeg.core.errors import UserError
 if TYPE_CHECKING:
     from vispeg.interface.observer import Observer, Stack
 
-LIMIT = 20.0  # largest scaled value
-NEAR = 0.03  # m, scale of positions near the goal
-# keys of an observation: the policy's terms, the ground truth, and readings in SI units
+LIMIT = 20.0  # policies get scaled values clipped to +-LIMIT
+NEAR = 0.03  # m, scale of positions relative to the goal
+# keys of an observation: scaled terms for the policy, ground truth, and readings in SI units
 POLICY, PRIVILEGED, MEASURED = "policy", "privileged", "measured"
 FELT = ("force", "torque")  # terms that need a force sensor at the wrist
 
@@ -30,12 +30,12 @@ class Sensed:
 
     Attributes:
         name: of the term, unique.
-        read: function from an Observer to the term's values (n, size), in `unit`.
-        size: number of values; 0 for one per direction that the policy moves.
-        unit: of the values.
-        scale: in `unit`; an observation holds `read / scale`, of order 1.
+        read: function from an Observer of n robots to the term's values (n, size), in `unit`.
+        size: number of values; 0 stands for the number of directions in which the policy moves.
+        unit: unit of the values; 1 for none.
+        scale: typical size, in `unit`; policies get `read / scale`.
         about: one line of description.
-        turning: whether only policies that rotate the flange observe it.
+        turning: whether the term is only for policies that rotate the flange.
     """
 
     name: str
@@ -67,7 +67,7 @@ for _term in (
         "measured tip minus believed goal, base axes",
     ),
     Sensed("velocity", lambda o: o.twist[:, :3], 3, "m/s", 0.1, "of the flange, base axes"),
-    Sensed("force", lambda o: o.wrench[:, :3], 3, "N", 20.0, "at the wrist, base axes, tool's weight off"),
+    Sensed("force", lambda o: o.wrench[:, :3], 3, "N", 20.0, "at the wrist, base axes, without the tool's weight"),
     Sensed("torque", lambda o: o.wrench[:, 3:], 3, "N m", 2.0, "at the wrist, base axes"),
     Sensed("action", lambda o: o.action, 0, "1", 1.0, "the last action"),
     Sensed(
@@ -93,7 +93,7 @@ for _term in (
 
 
 class Readable(Protocol):
-    """The attributes of a term that `scaled` needs; `Sensed` and `vispeg.task.terms.Term` have them."""
+    """What `scaled` needs of a term; `Sensed` and `vispeg.task.terms.Term` have it."""
 
     @property
     def read(self) -> Callable[[Any], np.ndarray]: ...  # noqa: D102
@@ -104,16 +104,16 @@ class Readable(Protocol):
 def scaled(
     terms: Iterable[Readable], subject: Any, noisy: Callable[[Any, np.ndarray], np.ndarray] = lambda t, value: value
 ) -> np.ndarray:
-    """Return the scaled values (n, d) of terms.
+    """Return the values of terms, each divided by its scale and not clipped, side by side: (n, sum of sizes).
 
     Args:
-        terms: in order.
-        subject: the argument of their `read`.
-        noisy: function of a term and its values (n, size) that returns them with noise, before scaling.
+        terms: the terms, in order.
+        subject: what their `read` is called with: an Observer for `Sensed`.
+        noisy: called with a term and its values (n, size) before scaling; returns them with noise. By default none.
     """
     return np.concatenate([noisy(t, t.read(subject)) / t.scale for t in terms], axis=1)
 
 
-def told(stack: Stack) -> np.ndarray:
-    """Return the part POLICY of an observation: (n, depth size) float32 within +-LIMIT."""
+def policy_part(stack: Stack) -> np.ndarray:
+    """Return the part POLICY of an observation: (n, depth * size) float32, clipped to +-LIMIT."""
     return np.clip(stack.flat(), -LIMIT, LIMIT).astype(np.float32)

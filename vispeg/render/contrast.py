@@ -1,10 +1,10 @@
 """The contrast guard: sample looks until held part, fixture, mouth of the goal and background are distinguishable.
 
-Their mean colours are compared in CIELAB (CIE 15:2004, D65) by the CIE76 distance. A look is also refused if one of
-them is hardly visible, or if most of its pixels are black or white, since edges are then lost. Colours are judged as
-the camera delivers them, after exposure, brightness and the like: a dim look and a short exposure may each be usable
-alone and give a nearly black image together. Only looks (effects of the family `appearance`) are sampled again;
-physics, cameras and sensors of an episode stay as its seed gives them.
+Their mean colours are compared in CIELAB (CIE 15:2004, D65) by the CIE76 distance. A look is also refused if held part,
+fixture or background has few pixels, or if most of its pixels are nearly black or white, since edges are then lost.
+Colours are judged as the camera delivers them, after exposure, brightness and the like: a dim look and a short exposure
+may each be usable alone and give a nearly black image together. Only looks (effects of the family `appearance`) are
+sampled again; physics, cameras and sensors of an episode stay as its seed gives them.
 """
 
 from __future__ import annotations
@@ -29,22 +29,23 @@ from vispeg.worlds.world import World
 if TYPE_CHECKING:
     from vispeg.robots.scene import Scene
 
-BACKGROUND, BEHIND, RIM = "background", ("table", "wall", "floor"), "rim"
-TRIES = 20
+BACKGROUND, RIM = "background", "rim"  # keys of the colours behind the parts, and of the surface around the mouth
+BEHIND = ("table", "wall", "floor")  # parts of the background
+TRIES = 20  # greatest number of looks that are sampled for an episode
 TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])  # IEC 61966-2-1
 DARK, BRIGHT = 6.0, 98.0  # L*: pixels darker or brighter than this count as black or white
-DEEP, FLAT = 2e-3, 0.5e-3  # m: depth at which the mouth's inside begins, and half the range of heights of its rim
+DEEP, FLAT = 2e-3, 0.5e-3  # m: least depth of the mouth's inside; greatest distance of the rim from the mouth's plane
 
 
 @dataclass(frozen=True)
 class Rule:
-    """Requirements that images of a look must meet.
+    """Requirements that the images of a look must meet, all cameras together.
 
     Attributes:
-        distance: least CIE76 distance between held part, fixture and background.
-        mouth: least CIE76 distance between the mouth's inside and its rim, if both are visible.
-        pixels: least number of visible pixels of each part, in all images together.
-        lost: greatest share of a part's pixels that may be black or white, 0 to 1.
+        distance: least CIE76 distance between the mean colours of any two of held part, fixture and background.
+        mouth: least CIE76 distance between those of the mouth's inside and its rim, if both are visible.
+        pixels: least number of visible pixels of held part, of fixture and of background.
+        lost: greatest share of each one's pixels that may be darker than DARK or brighter than BRIGHT, 0 to 1.
     """
 
     distance: float = 12.0
@@ -63,8 +64,9 @@ def lab(rgb: np.ndarray) -> np.ndarray:
 def contrast(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene, rule: Rule | None = None) -> float:
     """Return how well held part, fixture, its mouth and background can be distinguished, 0 to 1; 1 meets the rule.
 
-    The score is the least of three kinds of ratio: colour distance, visible pixels and share of usable pixels, each
-    divided by what the rule requires. A part that is not visible at all gives 0.
+    The score is the least of these, each divided by what the rule requires: colour distances, numbers of visible
+    pixels, and shares of pixels that are neither black nor white. It is 0 if held part, fixture or background is not
+    visible at all; a mouth or rim that is not visible does not count.
 
     Args:
         shots: shots of one moment by camera name, with labels.
@@ -90,9 +92,18 @@ def contrast(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene,
 
 
 def measure(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene) -> dict[str, np.ndarray]:
-    """Return by name the CIELAB colours (n, 3) of the pixels of held part, fixture, background, mouth and rim.
+    """Return the CIELAB colours of all pixels of held part, fixture, background, the mouth's inside and its rim.
 
-    The mouth's inside has the key `scene.goal`. Raises ValueError for shots without labels.
+    Args:
+        shots: shots of one moment by camera name, with labels.
+        cameras: the cameras that took them.
+        scene: the scene.
+
+    Returns:
+        `scene.held`, `scene.fixture`, BACKGROUND, `scene.goal` (the mouth's inside) or RIM -> (n, 3).
+
+    Raises:
+        ValueError: shots without labels.
     """
     number = {part: i for i, part in enumerate(scene.parts, start=1)}
     radius = scene.config.apothem + scene.config.chamfer
@@ -114,21 +125,22 @@ def measure(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene) 
 
 
 def delivered(shots: Mapping[str, Shot], cameras: Sequence[Camera], world: World) -> dict[str, Shot]:
-    """Return the shots in the colours that the cameras of a sampled world deliver (exposure, white balance and so on).
+    """Return the shots in the colours that the cameras of a sampled world deliver.
 
-    Effects that move or hide single pixels, such as noise and blur, are left out, so that segmentation still fits.
+    Only effects that map each pixel's colour to another are applied, such as exposure and white balance. Noise, blur,
+    distortion and the like are not, so that each pixel still shows the part by which it is labelled.
 
     Args:
         shots: shots of one moment by camera name.
         cameras: the cameras that took them.
         world: the sampled world.
     """
-    tint = world.only(lambda e: getattr(effect(e.effect), "photometric", False))
+    photometric = world.only(lambda e: getattr(effect(e.effect), "photometric", False))
     out = dict(shots)
-    for camera in cameras if tint.effects else ():
+    for camera in cameras if photometric.effects else ():
         rgb, depth = shots[camera.name].rgb[None].astype(np.float32) / 255, shots[camera.name].depth[None]
         frame = Frame(rgb=rgb, depth=depth, K=camera.K[None], velocity=np.zeros((1, 6)), time=np.zeros(1))
-        delivery = Pipeline([tint], camera.name).run(frame, [stream(0, "photometric")])
+        delivery = Pipeline([photometric], camera.name).run(frame, [stream(0, "photometric")])
         if delivery.rgb is not None:
             out[camera.name] = replace(
                 shots[camera.name], rgb=np.round(255 * np.clip(delivery.rgb[0], 0, 1)).astype(np.uint8)
@@ -148,16 +160,16 @@ def redraw(
     rule: Rule | None = None,
     tries: int = TRIES,
 ) -> tuple[World, int]:
-    """Sample a world, and sample its look again while the look hides the task from the cameras.
+    """Sample a world, and sample its look again until one meets the rule.
 
     The first try is `world.sample(seed, scene, levels)`. Each further look has a random stream of its own, given by the
-    episode's seed and the number of the try, so the seed alone decides the result. If none of `tries` looks is good
-    enough, the best of them is kept.
+    episode's seed and the number of the try, so the result is reproducible. If none of `tries` looks meets the rule,
+    the one with the best score is kept. A world without ranges of looks is sampled once and not judged.
 
     Args:
         world: the ranges to sample.
-        scene: the scene that has the effects' targets.
-        renderer: a renderer of the scene with its parts. It is restarted, and left with the look that is returned.
+        scene: the scene on which the effects act.
+        renderer: a renderer of the scene with its parts. It is restarted, and has the look that is returned afterwards.
         seed: seed of the episode.
         levels: how far samples may be from nominal, as for `RandomizedWorld.sample`.
         qpos: (nq,) configuration in which looks are judged; default: the renderer's present one.
@@ -166,7 +178,7 @@ def redraw(
         tries: greatest number of looks to sample.
 
     Returns:
-        The sampled world, and the number of looks that were refused (`tries` if none was good enough).
+        The sampled world, and the number of looks that were refused; `tries` if none met the rule.
     """
     looks = tuple(r for r in world.ranges if effect(r.effect).family == "appearance")
     others = tuple(r for r in world.ranges if r not in looks)

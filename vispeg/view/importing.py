@@ -1,4 +1,4 @@
-"""Turn a log into a recording, in a worker process: propose a map, preview its result, write the folder."""
+"""Turn a log into a recording, in the page's worker process: propose a map, preview its result, write the folder."""
 
 from __future__ import annotations
 
@@ -26,21 +26,27 @@ from vispeg.recordings.importers.source import is_bag, is_table, read_source
 from vispeg.robots.model import load, load_for
 from vispeg.sim.units import needs_of
 
-MOST = 2000  # most samples of a preview
-WHERE = {"none": "not used", "joint": "measured at the joint", "motor": "from the motor current"}
+MOST = 2000  # greatest number of samples of a preview
+WHERE = {  # value of torque_sensor -> words of the page
+    "none": "not used",
+    "joint": "measured at the joint",
+    "motor": "from the motor current",
+}
 
 
 @dataclass(frozen=True)
 class Proposed:
-    """A proposed map, to be confirmed.
+    """A proposed map, to be confirmed by the user.
+
+    Bags, and files that name their signals as recordings do, need no map: all but `topics` and `robot` is empty.
 
     Attributes:
-        lines: (target, column, unit, reason) of each column; none for a file that names its signals as recordings do.
-        units: signal -> unit, for the signals whose unit can be chosen.
-        data: the map as plain data, in the form of a map file and of `vispeg convert --guess`.
-        remarks: points that a person should check.
+        lines: column of the recording, column of the log, unit ("" for none) and reason, for each proposed column.
+        units: signal -> unit of its column, for signals whose unit the page lets one choose.
+        data: the map as plain data, in the form of a map file.
+        remarks: points that the user should check, one sentence each.
         topics: topics of joint states in a bag; the first one is read unless another is chosen.
-        robot: name or file of the robot whose joints are looked up.
+        robot: name or file of the robot whose joint names are looked for in the log.
     """
 
     lines: tuple[tuple[str, str, str, str], ...]
@@ -53,9 +59,15 @@ class Proposed:
 
 @dataclass(frozen=True)
 class Look:
-    """A preview of a log read with a map: time (n,), s; signals (n, nj) in SI units; and in `doubts` impossible values.
+    """A preview of a log read with a map.
 
-    `rate_hz` and `samples` describe the whole log, the arrays a part of its samples.
+    Attributes:
+        time: (n,) s, of every k-th sample, so that n is at most MOST.
+        joints: names of the nj joints.
+        signals: name -> (n, nj) in SI units, at these samples.
+        rate_hz: sample rate of the whole log.
+        samples: number of samples of the whole log.
+        doubts: what is implausible about units and values, one sentence each.
     """
 
     time: np.ndarray
@@ -67,7 +79,11 @@ class Look:
 
 
 class Importer:
-    """The object of the page's worker; `tell` gets "say" (a sentence), "proposed" (Proposed) and "look" (Look)."""
+    """The object in the page's worker process that reads and converts logs.
+
+    Args:
+        tell: called with a kind and its content: "say", a sentence; "proposed", a Proposed; "look", a Look.
+    """
 
     def __init__(self, tell: Callable[[str, Any], None]):
         self.tell = tell
@@ -75,8 +91,12 @@ class Importer:
     def propose(self, source: Path, model: str) -> None:
         """Send a proposed map, and a preview of the log read with it.
 
+        Args:
+            source: the log.
+            model: model or world whose robot made the log.
+
         Raises:
-            UserError: the file or model does not exist, or no column can be the time or the angles.
+            UserError: log or model does not exist or cannot be read, or no column can be the time or the angles.
         """
         if not source.exists():
             raise UserError("does not exist", file=source)
@@ -95,7 +115,7 @@ class Importer:
         self.look(source, model, dict(proposed.data), Topics(proposed.topics[0]) if proposed.topics else None)
 
     def look(self, source: Path, model: str, columns: dict[str, object], topics: Topics | None = None) -> None:
-        """Read the log with a map (a bag: from these topics), and send a preview."""
+        """Send a preview of the log `source`, read with the map `columns`, or from `topics` if it is a bag."""
         robot = robot_of(model)
         arm = load(robot)
         mapping = map_from(columns, source, arm.joints)
@@ -117,16 +137,28 @@ class Importer:
         replace: bool,
         topics: Topics | None = None,
     ) -> str:
-        """Write the recording as `vispeg convert --map` would, and the map beside it; return the recording's path.
+        """Write the recording as `vispeg convert --map` would, and beside it the map if there is one.
+
+        Args:
+            source: the log.
+            model: model or world whose robot made the log.
+            columns: the map as plain data; empty for none.
+            out: folder of the recording.
+            replace: whether to replace a recording and a map that exist.
+            topics: topics to read from a bag.
+
+        Returns:
+            The recording's path.
 
         Raises:
-            UserError: one of them exists and `replace` is false, or its folder was not written by this program.
+            UserError: the log cannot be converted, recording or map exist and `replace` is false, or `out` is a folder
+                that this program did not write.
         """
         robot = robot_of(model)
         refuse(out, replace, holds="recording")
         file = map_file(out)
         if columns and file.exists() and not replace:
-            raise UserError("is there already", file=file, expected="another name for the recording")
+            raise UserError("exists already", file=file, expected="another name for the recording")
         mapping = map_from(columns, source, load(robot).joints)
         convert(source, robot, out, mapping=mapping, topics=topics, insist=True, table="parquet", overwrite=replace)
         if columns:
@@ -151,9 +183,9 @@ def map_file(out: Path) -> Path:
 
 
 def _remarks(proposal: Proposal) -> tuple[str, ...]:
-    """Return the points that a person should check, with the page's controls in place of command-line options."""
+    """Return the points that the user should check, in which the page's fields replace command-line options."""
     signals, sensor = proposal.signals(), proposal.recording.get("torque_sensor", "none")
-    # the page has fields instead of options, so of each option only the name stays
+    # options become the names of fields: `--torque-sensor` becomes `torque sensor`
     said = (FLAG.sub(lambda flag: flag[1].replace("-", " "), doubt) for doubt in proposal.doubts)
     out = [doubt for doubt in said if not doubt.startswith("torque_sensor")]
     driven = "q_cmd" in signals or "tau_cmd" in signals

@@ -11,7 +11,7 @@ import numpy as np
 
 from vispeg.api.inputs import read_model
 from vispeg.api.recording.look import DURATION as LOOK_S
-from vispeg.api.recording.look import refuse_rate, scene_of, taken
+from vispeg.api.recording.look import pictures_of, refuse_rate, scene_of
 from vispeg.core.effect import OPTICAL, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
@@ -106,7 +106,8 @@ def record_in_cell(
     felt = world.only(lambda e: effect(e.effect).family not in OPTICAL)
     rec = record_cell(felt, made, noise, rng, **options, watch=truth.append)
     drawing = {"seed": seed, "backend": backend, "progress": progress}
-    return replace(rec, frames=taken(world, scene_of(world, cameras), cameras, rec, truth[0], fps, rng, **drawing))
+    scene = scene_of(world, cameras)
+    return replace(rec, frames=pictures_of(world, scene, cameras, rec, truth[0], fps, rng, **drawing))
 
 
 def names(space: str | None = None, model: str | None = None) -> list[str]:

@@ -1,4 +1,4 @@
-"""Make recordings with pictures, of a simulated arm that moves its cameras around."""
+"""Record the joints of a simulated arm that moves in front of or with cameras, and the cameras' pictures."""
 
 from __future__ import annotations
 
@@ -34,16 +34,20 @@ from vispeg.vision.photograph import photograph
 from vispeg.worlds.split import of_arm
 from vispeg.worlds.world import World
 
-DURATION = 16.0  # s, default duration
-LATEST = 0.5  # s at either end without pictures, so that delayed pictures still show a moment of the motion
-MOST = 5000  # most pictures in all
+DURATION = 16.0  # s, default duration of a motion
+MARGIN = 0.5  # s without pictures at either end of a motion, so that what delayed pictures show is within the motion
+MOST = 5000  # greatest number of pictures of a recording, all cameras together
 
 
 def scene_of(world: World, cameras: Sequence[Camera] = ()) -> Scene:
-    """Return the scene of a model, with these cameras as places of effects: its cell, or the bench in its robot's file.
+    """Return the scene of a model: its cell, or, without a cell, what its robot's file contains.
+
+    Args:
+        world: the model.
+        cameras: cameras on which effects of the scene may act; by default those of the scene.
 
     Raises:
-        UserError: the model is only an arm, so there is nothing to see.
+        UserError: there is no cell, and the robot's file shows nothing but the arm.
     """
     scene = bench_of(world) if world.cell is None else model_cell(world).scene
     if world.cell is None and not shows(scene):
@@ -53,13 +57,16 @@ def scene_of(world: World, cameras: Sequence[Camera] = ()) -> Scene:
 
 
 def cameras_of(names: Sequence[str], scene: Scene, size: tuple[int, int]) -> tuple[Camera, ...]:
-    """Return cameras of the scene by name, with this width and height, px, or cameras from files.
+    """Return cameras of the scene by name, or from camera files.
 
-    A cell's cameras keep their horizontal field of view. Cameras of the robot's file without a `resolution` keep their
-    vertical one. Others keep the size in their file.
+    Args:
+        names: names of cameras of the cell or of the robot's file, and paths of camera files.
+        scene: the scene.
+        size: width and height, px. A cell's cameras get it and keep their horizontal field of view; cameras of the
+            robot's file without a `resolution` get it and keep their vertical field of view. All others keep their own.
 
     Raises:
-        UserError: no such camera, no camera, or two cameras of one name.
+        UserError: `names` is empty, has an unknown one, or gives two cameras of the same name.
     """
     standard = {c.name: c for c in standard_cameras(scene.tip, scene.target)} if scene.goal else {}
     own = {c.name: c for c in model_camera.cameras_of(scene.nominal, size) if c.name not in standard}
@@ -79,22 +86,29 @@ def cameras_of(names: Sequence[str], scene: Scene, size: tuple[int, int]) -> tup
                 choices=[*standard, *own],
                 expected="a name or a camera file",
             )
-    if len({c.name for c in out}) < len(out) or not out:
-        raise UserError("cameras of different names", key="--cameras", got=[c.name for c in out])
+    if not out:
+        raise UserError("no camera", key="--cameras", expected="a name or a camera file", choices=[*standard, *own])
+    if len({c.name for c in out}) < len(out):
+        raise UserError("two cameras have the same name", key="--cameras", got=[c.name for c in out])
     return tuple(out)
 
 
 def _sized(camera: Camera, width: int, height: int) -> Camera:
+    """Return a standard camera with another size, px, and the same horizontal field of view."""
     scale = width / SIZE
     middle = {"cx": (width - 1) / 2, "cy": (height - 1) / 2}
     return camera.moved(width=width, height=height, fx=camera.fx * scale, fy=camera.fy * scale, **middle)
 
 
 def look_of(text: str, scene: Scene) -> tuple[EffectInstance, ...]:
-    """Return the appearance effects of `WORLD/SEED`, which the world draws for the episode of that seed.
+    """Return the effects of the family `appearance` that a world draws for an episode.
+
+    Args:
+        text: `WORLD/SEED`: the world's name or file, and the episode's seed.
+        scene: the scene on which they act.
 
     Raises:
-        UserError: no such world, or not a seed.
+        UserError: no such world, or `text` does not end in `/` and a number.
     """
     name, slash, seed = text.rpartition("/")
     if not slash or not seed.isdigit():
@@ -118,24 +132,25 @@ def record_look(
     name: str = "look",
     progress: Callable[[float], None] = lambda share: None,
 ) -> Recording:
-    """Record the joints of an arm in its cell or on its bench, and pictures of its cameras.
+    """Record the joints of a simulated arm during a motion, and pictures of its scene.
 
     Args:
         world: a world with a cell, or with a robot whose file shows more than the arm. Effects of the arm act on the
-            motion, those of cameras, appearance, fixture and grip on the pictures; the recording states none of them.
+            motion, those of cameras, appearance, fixture and grip on the pictures; the recording mentions none of them.
         motion: a name in `vispeg.identify.motions.look_motion.LOOKS`, or a commanded motion at `rate_hz`.
         cameras: the nominal cameras; by default `wrist_wide` of the cell with 320 x 240 px.
         fps: frame rate of each camera, Hz.
-        duration: duration of a motion given by name, s.
+        duration: duration of a motion given by name, s; by default 16 s. A commanded motion has its own.
         rate_hz: sample rate of the joints, Hz.
-        noise: standard deviations of the joint sensors' noise.
+        noise: signal of the joints -> standard deviation of its noise, as in recording.yaml.
         seed: seed of the noise and of the camera sensors.
         backend, shadows: the renderer, and whether it draws shadows.
         name: name of the recording.
-        progress: called with the share of pictures taken.
+        progress: called with the share of pictures taken so far, 0 to 1.
 
     Raises:
-        UserError: nothing to see, no such motion, a motion that the arm cannot make, or too many pictures.
+        UserError: the scene has nothing but the arm, no such motion, a motion that the arm cannot make, an impossible
+            frame rate, or more than 5000 pictures.
     """
     cameras = cameras or cameras_of(["wrist_wide"], scene_of(world), (320, 240))
     scene = scene_of(world, cameras)
@@ -148,19 +163,22 @@ def record_look(
     rng = stream(seed, "record", "noise")
     rec = record(arm, path, control, noise, rng, torque_sensor="joint", name=name, watch=truth.append)
     options = {"seed": seed, "backend": backend, "shadows": shadows, "progress": progress}
-    frames = taken(world, scene, cameras, rec, truth[0], fps, rng, **options)
+    frames = pictures_of(world, scene, cameras, rec, truth[0], fps, rng, **options)
     cell = CellBelief(DEFAULT) if world.cell is not None and world.cell.open else world.cell
     return replace(rec, frames=frames, cell=cell, motion=path.name)
 
 
 def refuse_rate(fps: float, rate_hz: float, duration: float, cameras: Sequence[Camera]) -> None:
-    """Raise UserError for an impossible frame rate, or too many pictures."""
-    if not 0 < fps <= rate_hz or fps * duration * len(cameras) > MOST:
-        expected = f"above 0, and at most {MOST} pictures in all"
+    """Raise UserError if `fps` is not in (0, `rate_hz`], or these cameras take over MOST pictures in `duration` s."""
+    if not 0 < fps <= rate_hz:
+        expected = f"above 0, and at most the joints' sample rate, {rate_hz:g} Hz"
         raise UserError("not a possible frame rate", key="--fps", expected=expected, got=fps)
+    if (count := fps * duration * len(cameras)) > MOST:
+        expected = f"at most {MOST}: a lower frame rate, fewer cameras, or a shorter motion"
+        raise UserError("too many pictures", key="--fps", expected=expected, got=round(count))
 
 
-def taken(
+def pictures_of(
     world: World,
     scene: Scene,
     cameras: Sequence[Camera],
@@ -177,18 +195,20 @@ def taken(
     """Render pictures of a recorded motion.
 
     Args:
-        world, scene, cameras: the scene to photograph, with the board that the world's cell states, and the cameras.
+        world: its effects act on scene, cameras and sensors; a board that its cell states is in view.
+        scene: the scene to photograph.
+        cameras: the nominal cameras.
         rec: the recorded motion.
         truth: (n, nj) true joint angles at its samples, rad.
         fps: frame rate of each camera, Hz.
-        rng: random stream of the time stamps, which do not coincide with samples, as a camera has its own clock.
+        rng: random stream of the time stamps: as a camera has its own clock, they differ from those of the samples.
         seed, backend, shadows, progress: as for `record_look`.
     """
-    times = np.arange(LATEST, rec.time[-1] - LATEST, 1 / fps)
+    times = np.arange(MARGIN, rec.time[-1] - MARGIN, 1 / fps)
     times = times + rng.uniform(0, 0.5 / rec.rate_hz, len(times))
     curve = CubicSpline(rec.time, truth)
     drawn = {"backend": backend, "shadows": shadows, "board": board_of(world.cell), "progress": progress}
     return photograph(scene, cameras, world, curve, times, seed, **drawn)
 
 
-__all__ = ["LOOKS", "cameras_of", "look_of", "record_look", "refuse_rate", "scene_of", "taken"]
+__all__ = ["LOOKS", "cameras_of", "look_of", "record_look", "refuse_rate", "scene_of", "pictures_of"]

@@ -1,8 +1,10 @@
-"""Minimum size of an effect for a search to find it, from its first-order effect on the readings.
+"""Minimum size of an effect with which a search finds it, to first order in the size.
 
-An effect of `c` times a trial size lowers the squared residual of a block by c^2 d^2 + 2 c d e. Here d is the norm of
-its whitened trace, projected off the effects of the model, and e the error along that trace. The least c that passes
-the tests of the search is computed with errors as large as the residual along the trace.
+The trace of a parameter is the whitened change of the readings if the parameter has its trial size, minus the part that
+the model's own parameters can make up for. If a robot has the effect at c times the trial size, adding it to the model
+lowers the squared residual of a block of readings by c^2 d^2 + 2 c d e. Here d is the norm of the trace in the block,
+and e the error of the readings along it, as large as the present residual along the trace. What is sought is the least
+c that passes the tests of the search.
 """
 
 from __future__ import annotations
@@ -16,18 +18,18 @@ from scipy import stats
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 
-DRAWS = 200  # of the errors of all blocks; a tenth of them may fail the test, by `power`
-REACH = (1e-4, 1e4)  # multiples of the trial size among which the least is sought
+DRAWS = 200  # draws of the errors e; the test must pass in a share `RULES.power` of them
+REACH = (1e-4, 1e4)  # multiples c of the trial size between which the least is sought
 
 
 @dataclass(frozen=True)
 class Trace:
-    """Trace of one parameter at its trial size in the blocks of some readings.
+    """Trace of one parameter at its trial size in some readings, as norms.
 
     Attributes:
-        square: (nblock,) squared norm of the whitened trace, projected off the effects of the model.
-        alone: the same over all blocks, also projected off the other parameters of its own effect.
-        error: standard deviation of the residual along the trace, at least 1, which is that of white noise.
+        square: (nblock,) squared norm of the trace in each block in which it is not 0.
+        alone: squared norm over all readings of the part that the effect's other parameters cannot make up for.
+        error: standard deviation of the residual along the trace; at least 1, that of white noise.
     """
 
     square: np.ndarray
@@ -36,7 +38,14 @@ class Trace:
 
     @classmethod
     def of(cls, column: np.ndarray, others: np.ndarray, residual: np.ndarray, blocks: np.ndarray) -> Trace:
-        """Build from a whitened trace (n,), `others` (n, k) of its own effect, and the present residual (n,)."""
+        """Build from arrays over n readings.
+
+        Args:
+            column: (n,) the trace.
+            others: (n, k) traces of the other k parameters of the same effect.
+            residual: (n,) whitened residual of the present model.
+            blocks: (n,) int, the block of each reading.
+        """
         square = np.bincount(blocks, column**2)
         along = np.bincount(blocks, column * residual)
         rest = column - others @ np.linalg.lstsq(others, column, rcond=1e-6)[0] if others.shape[1] else column
@@ -46,13 +55,13 @@ class Trace:
 
 @dataclass(frozen=True)
 class Needs:
-    """Acceptance criteria of a search.
+    """What a search requires of an effect.
 
     Attributes:
-        held_out: required drop of the held-out squared residual; any drop suffices on the fitted recordings.
-        level: required standard errors of the gain over the blocks of both.
-        loss: held-out squared residual without the effect; a gain that is `large` relative to it needs less
-            significance.
+        held_out: least drop of the squared residual of the held-out recordings; of the fitted ones any drop suffices.
+        level: least standard score of the signed ranks of the drops over the blocks of all recordings.
+        loss: squared residual of the held-out recordings that is unrelated to the effect. A drop of at least the share
+            `RULES.large` of the whole needs only the levels `large_level` and `held_out_large`.
     """
 
     held_out: float
@@ -61,8 +70,15 @@ class Needs:
 
 
 def least_coefficient(fitted: Trace, held_out: Trace, needs: Needs) -> float:
-    """Return the least multiple of the trial size that passes with probability `power`; infinite if none does."""
-    # half an interval that excludes null, plus the scatter of its middle
+    """Return the least multiple of the trial size that a search finds with probability `RULES.power`.
+
+    Infinite if none in REACH is found.
+
+    Args:
+        fitted, held_out: traces of the parameter in the fitted and in the held-out recordings.
+        needs: what the search requires.
+    """
+    # standard errors from null to the estimate, so that with `power` the 95 % interval excludes null
     ends = 1.96 + float(stats.norm.ppf(RULES.power))
     totals = ((fitted, 0.0), (held_out, needs.held_out))
     least = max(np.sqrt(_surely(t, drop) / max(t.square.sum(), 1e-300)) for t, drop in totals)
@@ -71,14 +87,23 @@ def least_coefficient(fitted: Trace, held_out: Trace, needs: Needs) -> float:
 
 
 def least_alone(trace: Trace, drop: float, level: float) -> float:
-    """Return the same if only the held-out readings decide: by the drop of their squares, and its ranks over blocks."""
+    """Return the least multiple of the trial size as `least_coefficient` does, if held-out recordings alone decide.
+
+    Args:
+        trace: trace of the parameter in these.
+        drop: least drop of their squared residual.
+        level: least standard score of the signed ranks of the drops over their blocks.
+    """
     least = max(float(np.sqrt(_surely(trace, drop) / max(trace.square.sum(), 1e-300))), REACH[0])
     errors = _errors(trace, np.random.default_rng(0))
     return _least_that(lambda times: _passes(_gains(trace, times, errors), level), least)
 
 
 def _least_that(passes: Callable[[float], bool], least: float) -> float:
-    """Return the least multiple from `least` on that passes, by bisection; infinite if none in reach does."""
+    """Return the least multiple in [`least`, REACH[1]] that passes, by bisection; infinite if none does.
+
+    `passes` must be true for every multiple above one that passes.
+    """
     if least > REACH[1]:
         return float("inf")
     if passes(least):
@@ -91,11 +116,15 @@ def _least_that(passes: Callable[[float], bool], least: float) -> float:
 
 
 def between(name: str, least: Mapping[str, float]) -> dict[str, tuple[float, float] | None]:
-    """Return the range of each parameter that does not show, given its minimum detectable distance from null.
+    """Return for each parameter the range of values, around null, that do not show.
 
     Args:
-        name: of the effect.
-        least: by parameter the distance from its null (for a scale its factor); infinite if no size shows.
+        name: name of the effect.
+        least: parameter -> least distance from null that shows; of a parameter with a `log` scale the factor from null.
+            Infinite if none shows.
+
+    Returns:
+        Parameter -> (lowest, highest) value, within its bounds; None if no value within them shows.
     """
     hidden: dict[str, tuple[float, float] | None] = {}
     for key, size in least.items():
@@ -109,21 +138,33 @@ def between(name: str, least: Mapping[str, float]) -> dict[str, tuple[float, flo
 
 
 def distance(placed: EffectInstance, key: str, times: float) -> float:
-    """Return `times` a trial parameter's distance from null; for a scale the trial's own factor, if that shows."""
+    """Return the distance from null of `times` the trial size, as `between` takes it.
+
+    A parameter with a `log` scale is not extrapolated: it is the trial's own factor if `times` is 1 or less, else
+    infinite.
+
+    Args:
+        placed: the trial.
+        key: name of the parameter.
+        times: least multiple of the trial size that shows.
+    """
     param, value = effect(placed.effect).params[key], placed.params[key].value
-    if param.scale == "log":  # no straight line leads from null to such a value
+    if param.scale == "log":
         return max(value / param.null, param.null / value) if times <= 1.0 else float("inf")
     return float(times * abs(value - param.null))
 
 
 def _surely(trace: Trace, drop: float) -> float:
-    """Return the squared trace that lowers the squared residual by `drop` with probability `power`."""
+    """Return the squared norm of a trace that lowers the squared residual by `drop` with probability `RULES.power`.
+
+    Of `trace` only the error along it is used.
+    """
     error = float(stats.norm.ppf(RULES.power)) * trace.error
     return float((error + np.sqrt(error**2 + drop)) ** 2)
 
 
 def _ranks(fitted: Trace, held_out: Trace, needs: Needs) -> Callable[[float], bool]:
-    """Return a test whether Wilcoxon's signed ranks pass at a multiple, over all blocks and over the held-out ones."""
+    """Return a function of a multiple: whether Wilcoxon's signed-rank test passes over held-out and over all blocks."""
     draw = np.random.default_rng(0)  # the same errors for every size, so that detectability grows with size
     held_errors, errors = _errors(held_out, draw), _errors(fitted, draw)
 
@@ -139,17 +180,20 @@ def _ranks(fitted: Trace, held_out: Trace, needs: Needs) -> Callable[[float], bo
 
 
 def _errors(trace: Trace, draw: np.random.Generator) -> np.ndarray:
-    """Return errors (draws, nblock) of the blocks' residuals along the trace, times its norm there."""
+    """Draw the products d e (DRAWS, nblock) of each block: norm of the trace times error along it."""
     return trace.error * np.sqrt(trace.square) * draw.normal(size=(DRAWS, len(trace.square)))
 
 
 def _gains(trace: Trace, times: float, errors: np.ndarray) -> np.ndarray:
-    """Return the drops (draws, nblock) of the blocks' squared residuals."""
+    """Return the drops (DRAWS, nblock) of the blocks' squared residuals at a multiple; `errors` are from `_errors`."""
     return times**2 * trace.square + 2.0 * times * errors
 
 
 def _passes(gains: np.ndarray, level: float) -> bool:
-    """Return whether the signed ranks of gains (draws, nblock) exceed a level with probability `power`."""
+    """Return whether the standard score of the signed ranks of gains (DRAWS, nblock) reaches `level`.
+
+    It must do so in a share `RULES.power` of the draws. Without blocks it does not.
+    """
     n = gains.shape[1]
     if not n:
         return False

@@ -17,7 +17,7 @@ from vispeg.demonstrations.plan import TASK_STATE
 from vispeg.interface.actions import JOINT_DELTA, JOINT_GOAL, MOST, Actions, entries, observed
 from vispeg.interface.interface import Interface
 from vispeg.interface.observer import DOWN, Observer, Stack
-from vispeg.interface.terms import scaled, told
+from vispeg.interface.terms import policy_part, scaled
 
 ACTION, EXECUTED = "action", "executed.action"
 TIP, VELOCITY, WRENCH = TASK_STATE[:3], TASK_STATE[3:6], TASK_STATE[6:]
@@ -104,7 +104,7 @@ class Theirs:
         values, stack = scaled(self.interface.terms, o), Stack(self.interface.stack, o.n, o.stack.values.shape[-1])
         for back in range(self.interface.stack):
             stack.values[back] = np.nan_to_num(values[np.maximum(np.arange(o.n) - back, 0)])
-        return told(stack), offset
+        return policy_part(stack), offset
 
     def _observer(self, episode: Mapping[str, np.ndarray], n: int) -> Observer:
         """Return an observer with one row for each of the episode's n frames."""

@@ -1,4 +1,4 @@
-"""Find isolated bad readings: the angle jumps away for one or two samples and back, faster than a joint can move."""
+"""Find isolated bad readings of a joint's angle: it jumps away for one or two samples and back."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import numpy as np
 from vispeg.recordings.checks.quality import quantization
 
 WIDTH = 5  # samples of the running median, which ignores bursts of one or two
-SIGMAS = 12.0  # least deviation from the running median, in standard deviations of that deviation
-LOCAL = 5.0  # least deviation, in usual steps nearby: a fast joint always takes large steps
+SIGMAS = 12.0  # least deviation of a bad reading from the running median, in standard deviations of all deviations
+LOCAL = 5.0  # least deviation, in usual steps between samples nearby: in fast motion all steps are large
 LEAST = 1e-3  # rad, least deviation
-QUANTA = 3.0
-NEAR = 51  # samples around a reading from which the usual step is taken
+QUANTA = 3.0  # least deviation, in quantization steps of the encoder
+NEAR = 51  # number of steps before and after a reading whose 80 % quantile is the usual step
 
 
 @dataclass(frozen=True)
 class Spike:
-    """One bad reading: its row, its time in s, and its deviation from its neighbours, rad."""
+    """One bad reading: its row, its time in s, and its deviation from the running median, rad, with sign."""
 
     row: int
     time: float
@@ -26,11 +26,12 @@ class Spike:
 
 
 def spikes(time: np.ndarray, q: np.ndarray) -> tuple[Spike, ...]:
-    """Find readings of one joint that deviate from their neighbours more than any motion can, in order of rows.
+    """Find the bad readings of one joint, in the order of rows; none among fewer than ten readings.
 
-    This is Hampel's filter with guards against taking fast motion for outliers. The deviation from the running median
-    over five samples must exceed all of: twelve standard deviations of that deviation, five usual steps nearby, three
-    quantization steps of the encoder, and 1 mrad.
+    This is Hampel's filter with guards against taking fast motion for outliers. A reading is bad if its deviation from
+    the running median over five readings exceeds all of: SIGMAS standard deviations, LOCAL usual steps nearby, QUANTA
+    quantization steps of the encoder, and LEAST. The standard deviation is estimated from the median deviation of the
+    readings that deviate at all, so that bad readings hardly change it.
 
     Args:
         time: (n,) s.
@@ -42,8 +43,8 @@ def spikes(time: np.ndarray, q: np.ndarray) -> tuple[Spike, ...]:
     if len(rows) < 2 * WIDTH:
         return ()
     x = q[rows]
-    off = x - median_filter(x, WIDTH, mode="nearest")
-    far = np.abs(off)
+    deviation = x - median_filter(x, WIDTH, mode="nearest")
+    far = np.abs(deviation)
     least = max(SIGMAS * 1.4826 * float(np.median(far[far > 0])) if (far > 0).any() else 0.0, LEAST)
     suspects = np.flatnonzero(far > least)
     if not len(suspects):
@@ -54,7 +55,7 @@ def spikes(time: np.ndarray, q: np.ndarray) -> tuple[Spike, ...]:
     for k in suspects[far[suspects] > least]:
         nearby = step[max(k - NEAR, 0) : k + NEAR]
         if far[k] > LOCAL * max(float(np.quantile(nearby, 0.8)), 1e-12):
-            out.append(Spike(int(rows[k]), float(time[rows[k]]), float(off[k])))
+            out.append(Spike(int(rows[k]), float(time[rows[k]]), float(deviation[k])))
     return tuple(out)
 
 

@@ -14,17 +14,26 @@ from vispeg.recordings.importers.bagfile import messages, topics_of
 from vispeg.recordings.importers.pictures import DEPTH_UNIT, Album
 
 IMAGE, COMPRESSED, INFO = (f"sensor_msgs/msg/{name}" for name in ("Image", "CompressedImage", "CameraInfo"))
-COLOURS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}
-BAYER = {"bayer_rggb8": "BG", "bayer_bggr8": "RG", "bayer_gbrg8": "GR", "bayer_grbg8": "GB"}  # OpenCV's names
-DEPTHS = {"16UC1": 2, "mono16": 2, "32FC1": 4}
-FINE = 1e-4  # m, step in which depth is stored that was logged as floats
-TAILS = ("compressed", "compressedDepth", "image_raw", "image_rect_raw", "image_rect", "image_color", "image")
-EVERY = "all"
+COLOURS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}  # encoding of colour -> bytes per pixel
+BAYER = {"bayer_rggb8": "BG", "bayer_bggr8": "RG", "bayer_gbrg8": "GR", "bayer_grbg8": "GB"}  # ROS' -> OpenCV's name
+DEPTHS = {"16UC1": 2, "mono16": 2, "32FC1": 4}  # encoding of depth -> bytes per pixel
+FINE = 1e-4  # m, step in which depth that was logged as 32-bit floats is stored
+# last parts of a topic that do not belong to the camera's name
+TAILS = (
+    "compressed",
+    "compressedDepth",
+    "image_raw",
+    "image_rect_raw",
+    "image_rect",
+    "image_color",
+    "image",
+)  # ends of topics that name no camera
+EVERY = "all"  # request for all topics of pictures
 HEAD = 12  # bytes of header before the PNG in a compressedDepth message
 
 
 def image_topics(reader: Any, wanted: Sequence[str], source: Path) -> dict[str, str]:
-    """Return picture topic -> camera name for the requested topics; the name is "" where the request states none.
+    """Return topic -> camera name for the requested topics of pictures; the name is "" where the request states none.
 
     Args:
         reader: an open bag.
@@ -59,9 +68,10 @@ def camera_name(topic: str) -> str:
 def read_images(
     reader: Any, topics: Mapping[str, str], album: Album, clock: Callable[[float, float], float], source: Path
 ) -> dict[str, RecordedCamera]:
-    """Read pictures into an album; return their cameras as CameraInfo describes them (without poses: a bag has none).
+    """Read pictures into an album; return camera name -> camera for the cameras that have a CameraInfo message.
 
-    Colour and depth of one optical frame are two streams of one camera.
+    The cameras have no pose, as CameraInfo has none. Colour and depth of the same optical frame and size are pictures
+    of one camera.
 
     Args:
         reader: an open bag.
@@ -71,7 +81,8 @@ def read_images(
         source: the bag, named in error messages.
 
     Raises:
-        UserError: an unknown encoding, a truncated picture, or a distortion model other than Brown's (plumb_bob).
+        UserError: an unknown encoding, a picture that is cut short, a camera without focal length, or a distortion that
+            Brown's model with k1, k2, p1, p2 and k3 cannot express.
     """
     cameras: dict[str, RecordedCamera] = {}
     names = _names(reader, topics, source)
@@ -93,10 +104,11 @@ def _reading(reader: Any, topic: str) -> tuple[str, Callable[[Any, Path, str], t
 
 
 def _names(reader: Any, topics: Mapping[str, str], source: Path) -> dict[str, str]:
-    """Return topic -> camera name: the stated name, else one from the topic.
+    """Return topic -> camera name: the stated name, else one derived from the topic.
 
-    Depth takes the name of the colour topic with the same frame_id, if exactly one has it: a driver that aligns depth
-    to the colour camera's pixels stamps it with that camera's optical frame.
+    A depth topic without a stated name takes the name of the colour topic with the same frame_id and image size, if
+    these have just one topic of each: a driver that aligns depth to the colour camera's pixels stamps it with that
+    camera's optical frame.
     """
     frames: dict[tuple[str, tuple[int, ...]], list[tuple[str, bool]]] = {}
     for topic in topics:
@@ -115,7 +127,7 @@ def _names(reader: Any, topics: Mapping[str, str], source: Path) -> dict[str, st
 
 
 def _info(reader: Any, topic: str, source: Path) -> Any:
-    """Return the first CameraInfo message in the image topic's namespace; None if there is none."""
+    """Return the first message of the topic `camera_info` beside the image topic; None if there is no such topic."""
     parts = topic.split("/")
     while len(parts) > 1 and parts[-1] in TAILS:
         parts.pop()
@@ -126,21 +138,27 @@ def _info(reader: Any, topic: str, source: Path) -> Any:
 
 
 def _camera(name: str, info: Any, source: Path) -> RecordedCamera:
+    """Return the camera that a CameraInfo message describes. Raises UserError as `read_images`."""
     K = np.asarray(getattr(info, "k", getattr(info, "K", None)), float).reshape(3, 3)
     lens = np.asarray(getattr(info, "d", getattr(info, "D", ())), float).ravel()
     model = str(info.distortion_model)
     if np.any(lens) and (model not in ("plumb_bob", "rational_polynomial") or np.any(lens[5:])):
-        expected = "plumb_bob: k1, k2, p1, p2, k3"
-        raise UserError(f"camera '{name}' has another lens", file=source, expected=expected, got=model)
+        expected = "plumb_bob or rational_polynomial, no coefficient but k1, k2, p1, p2, k3"
+        message, got = f"camera '{name}' has a lens model that is not supported", f"{model}, {lens.tolist()}"
+        raise UserError(message, file=source, expected=expected, got=got)
     if not (K[0, 0] > 0 and K[1, 1] > 0):
-        raise UserError(f"camera '{name}' is not calibrated: its CameraInfo is empty", file=source)
+        raise UserError(f"camera '{name}' is not calibrated: its CameraInfo states no focal length", file=source)
     brown = tuple(np.pad(lens[:5], (0, max(0, 5 - len(lens)))).tolist())
     numbers = int(info.width), int(info.height), K[0, 0], K[1, 1], K[0, 2], K[1, 2]
     return RecordedCamera(name, *numbers[:2], *map(float, numbers[2:]), distortion=brown)
 
 
 def _raw(message: Any, source: Path, topic: str) -> tuple[np.ndarray, float]:
-    """Decode an Image to colour (H, W, 3) uint8 or depth (H, W) m, and the step in m in which depth is stored."""
+    """Decode an Image message; `topic` is for error messages.
+
+    Returns:
+        Colour (H, W, 3) uint8 or depth (H, W) float32 in m, 0 for no reading; and the step, m, in which to store depth.
+    """
     import cv2
 
     encoding, height, width, step = message.encoding, int(message.height), int(message.width), int(message.step)
@@ -150,7 +168,9 @@ def _raw(message: Any, source: Path, topic: str) -> tuple[np.ndarray, float]:
         raise UserError(f"{topic}: unknown encoding", file=source, got=encoding, choices=choices)
     data = np.frombuffer(np.ascontiguousarray(message.data).tobytes(), np.uint8)
     if step < width * channels or len(data) < height * step or not height or not width:
-        raise UserError(f"{topic}: a picture is cut short", file=source, got=f"{len(data)} bytes")
+        expected = f"{height} rows of {width * channels} bytes or more"
+        got = f"{len(data)} bytes, in rows of {step}"
+        raise UserError(f"{topic}: a picture is cut short", file=source, expected=expected, got=got)
     rows = data[: height * step].reshape(height, step)[:, : width * channels]
     if encoding in DEPTHS:
         order = ">" if message.is_bigendian else "<"
@@ -167,7 +187,10 @@ def _raw(message: Any, source: Path, topic: str) -> tuple[np.ndarray, float]:
 
 
 def _compressed(message: Any, source: Path, topic: str) -> tuple[np.ndarray, float]:
-    """Decode a CompressedImage: a JPEG, a PNG, or compressedDepth (a header, then depth as a PNG)."""
+    """Decode a CompressedImage message: a JPEG, a PNG, or compressedDepth (a header, then depth as a PNG).
+
+    Arguments and result are as for `_raw`.
+    """
     import cv2
 
     data, said = np.frombuffer(np.ascontiguousarray(message.data).tobytes(), np.uint8), str(message.format)
@@ -181,7 +204,7 @@ def _compressed(message: Any, source: Path, topic: str) -> tuple[np.ndarray, flo
     except cv2.error:
         image = None
     if image is None:
-        raise UserError(f"{topic}: a picture is not a JPEG or PNG, or cut short", file=source, got=said)
+        raise UserError(f"{topic}: a picture is not a JPEG or PNG, or is cut short", file=source, got=said)
     if image.ndim == 2:
         return image.astype(np.float32) * np.float32(DEPTH_UNIT), DEPTH_UNIT
     return np.ascontiguousarray(image[..., ::-1]), DEPTH_UNIT

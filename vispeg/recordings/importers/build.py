@@ -1,4 +1,4 @@
-"""Do the last steps of every importer: convert motor readings to joints', and columns to a validated recording."""
+"""The last steps of every importer: convert readings of motors to those of joints, and build a validated recording."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from vispeg.recordings.recording import Recording
 from vispeg.recordings.schema import FORMAT, header_from
 from vispeg.recordings.tables.table import Table
 
-EPOCH = 1e6  # s: larger times are dates; counted from the first sample they keep more digits
-WORST = 1e6  # condition number of the motor matrix beyond which motors do not determine the joints
+EPOCH = 1e6  # s; times that begin beyond it are dates, and are shifted to begin at 0, so that they keep more digits
+WORST = 1e6  # condition number of the motor matrix (rows of norm 1) from which it counts as singular
 
 
 def joints_of(joints: Sequence[str], mapping: ColumnMap) -> list[str]:
-    """Return the joints to import: the list in the map if it has one, else the robot's joints."""
+    """Return the joints of the recording: the list `recording.joints` of the map if it has one, else `joints`."""
     stated = mapping.recording.get("joints", list(joints))
     return [str(name) for name in stated] if isinstance(stated, list) else list(joints)
 
 
 def si(values: np.ndarray, source: Source) -> np.ndarray:
-    """Convert raw values to SI units."""
+    """Convert a column's raw values to SI units, by its factor and offset."""
     return values if source.factor == 1.0 and source.offset == 0.0 else values * source.factor + source.offset
 
 
@@ -45,13 +45,16 @@ def build(
     """Build a validated recording from columns (n,) in SI units, named as in samples.csv.
 
     Args:
-        columns: `time`, `q.joint1`, ...
-        source: the file they come from, named in error messages.
-        robot: a name or a path.
+        columns: name -> values; `time`, `q.joint1` and so on.
+        source: the file that they come from, named in error messages.
+        robot: name or file of the robot.
         joints: the robot's joints.
-        mapping: the map; its `recording` keys go into the header.
+        mapping: the map; the keys of its `recording` go into the header.
         first_row: number of the first sample's row in the source, for messages.
-        header: further header keys; those of the mapping override them.
+        header: further keys of the header; those of the map override them.
+
+    Raises:
+        UserError: no column `time`, no samples, motors as for `joint_side`, or anything that a recording may not have.
     """
     time = columns.get("time")
     if time is None:
@@ -81,13 +84,15 @@ def _rounded(rate: float) -> float:
 def joint_side(
     columns: Mapping[str, np.ndarray], joints: Sequence[str], mapping: ColumnMap, source: Path
 ) -> dict[str, np.ndarray]:
-    """Convert the columns (n,) that the map declares as motor readings to the joint side.
+    """Return the columns (n,), those of motor readings converted to joints; unchanged if the map states no motors.
 
-    With q = A m, angles and speeds of a joint are weighted sums over motors, and torques follow from the transposed
-    relation; so do signed loads. Jumps by whole turns are removed on the motor side, where they occur.
+    With q = A m of joint angles q and motor angles m, speeds are dq = A dm, and torques tau = A^-T tau_m. Loads convert
+    as torques if they have a sign, and are kept if not. Jumps of angles by whole turns are removed first, as they occur
+    at the motors.
 
     Raises:
-        UserError: a motor without readings, or motors that do not determine the joints.
+        UserError: a motor has no column for a signal that a joint's depends on, the map names a joint that is not
+            recorded, or A is singular.
     """
     out = dict(columns)
     if not mapping.motors:
@@ -102,7 +107,8 @@ def joint_side(
         weights = turn if signal in ("q", "q_cmd", "dq", "dq_cmd") else back
         lacking = [names[k] for j in there for k in np.flatnonzero(weights[j]) if k not in there]
         if lacking:
-            raise UserError("a motor has no readings", file=mapping.file or source, key="motors", got=lacking[0])
+            message = "a joint depends on a motor whose column is missing"
+            raise UserError(message, file=mapping.file or source, key="motors", got=lacking[0])
         values = np.stack([columns[names[j]] for j in there], axis=1).astype(float)
         if signal in ("q", "q_cmd"):
             values, _ = straightened(values, np.tile([-np.inf, np.inf], (len(there), 1)), columns.get("episode"))
@@ -111,25 +117,32 @@ def joint_side(
 
 
 def matrix(joints: Sequence[str], mapping: ColumnMap, source: Path) -> np.ndarray:
-    """Return A (nj, nj) of `q = A m`, in the order of the recording's joints; raises UserError as `joint_side`."""
+    """Return A (nj, nj) of `q = A m`: rows are joints, columns are motors, both in the order of `joints`.
+
+    Raises:
+        UserError: the map names a joint that is not in `joints`, or A is singular.
+    """
     order = {joint: j for j, joint in enumerate(joints)}
     out, file = np.eye(len(order)), mapping.file or source
     for joint, terms in mapping.motors.items():
         for name in (joint, *terms):
             if name not in order:
-                raise UserError("is not in the log", file=file, key="motors", got=name, choices=joints)
+                raise UserError("is no joint of the recording", file=file, key="motors", got=name, choices=joints)
         out[order[joint]] = 0.0
         for name, factor in terms.items():
             out[order[joint], order[name]] = factor
-    scaled = out / np.linalg.norm(out, axis=1, keepdims=True)  # gears of 1 and 160 in one arm are not ill-conditioned
+    scaled = out / np.linalg.norm(out, axis=1, keepdims=True)  # gears of 1 and 160 in one arm are fine
     if np.linalg.cond(scaled) > WORST:
-        said = "two joints turn by the same motors in one proportion, so that their torques cannot be told"
-        raise UserError(said, file=file, key="motors", got={k: dict(v) for k, v in mapping.motors.items()})
+        message = "the joints do not determine the motors, so torques cannot be converted: the matrix is singular"
+        raise UserError(message, file=file, key="motors", got={k: dict(v) for k, v in mapping.motors.items()})
     return out
 
 
 def combined(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return `values @ weights.T` (n, nj), where a NaN reading affects only the outputs that depend on it."""
+    """Return `values @ weights.T` (n, nj), in which a NaN makes only those columns NaN that have a weight for it.
+
+    `values` are (n, nj), `weights` (nj, nj).
+    """
     out = np.zeros_like(values)
     for j, row in enumerate(weights):
         for k in np.flatnonzero(row):

@@ -1,4 +1,4 @@
-"""The headline section: the verdict in words, the decrease of the held-out error, and the effects found."""
+"""The headline section: the verdict in words, the errors of the models in turn, and the effects that were found."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ TITLE = "Verdict"
 
 
 def context(record: Record) -> Mapping[str, object]:
-    """Return the verdict, sentences on the error, key figures, the ladder as picture and table, and marked effects."""
+    """Return the values that the template `headline.html.j2` shows, by name.
+
+    Each of `figures` is a title, a quantity and a note.
+    """
     values = record.values
     first, last, unit = words.ladder_ends(values)
     floor = record.mapping("noise_floor")
@@ -40,7 +43,7 @@ def context(record: Record) -> Mapping[str, object]:
         "onward": words.onward(values) if record.kind == "diagnosis" else "",
         "reason": words.reason(values),
         "judged": _judged(record),
-        "left": contact_words.left(values) if values.get("unexplained") else "",
+        "residual": contact_words.left(values) if values.get("unexplained") else "",
         "robot": "" if record.robot is None else data_link(record.robot),
         "marks": _marks(record),
         "floor_unit_differs": bool(floor.get("unit")) and floor.get("unit") != unit and bool(unit),
@@ -48,14 +51,17 @@ def context(record: Record) -> Mapping[str, object]:
 
 
 def _judged(record: Record) -> str:
-    """Return the recordings that the ladder's errors refer to, in words."""
+    """Return in words on which recordings the ladder's errors were computed."""
     if record.values.get("judged") == "fitted":
         return "Fitted recordings"
     return "Recordings" if record.kind == "compare" else "Held-out recordings"
 
 
 def _marks(record: Record) -> list[dict[str, str]]:
-    """Return the found effects with their positions in the robot's picture, in per cent."""
+    """Return `words`, `x` and `y` of the found effects that have a place in the robot's picture.
+
+    x and y are per cent of its width and height, from the top left. Tentative effects are left out.
+    """
     places = record.mapping("picture").get("places")
     marks, taken = [], set()
     if not isinstance(places, dict):
@@ -73,5 +79,6 @@ def _marks(record: Record) -> list[dict[str, str]]:
 
 
 def _source(floor: Mapping[str, Any]) -> str:
+    """Return in words where the noise floor comes from; empty if the record does not say."""
     source = floor.get("from")
     return {"repeats": "from repeats", "stated noise": "from stated noise"}.get(str(source), str(source or ""))

@@ -12,7 +12,7 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.interface.observer import DOWN, RECENT, Observer
-from vispeg.interface.terms import told
+from vispeg.interface.terms import policy_part
 from vispeg.render.image_kinds import GOAL_TOLD, MODES
 from vispeg.render.snapshot import Snapshot
 from vispeg.sim.compiled import compiled, nominal_of
@@ -381,7 +381,7 @@ class TaskSimulation:
     def observation(self) -> dict[str, np.ndarray]:
         """Return `policy` (nsim, stack * d) and `privileged` (nsim, k), float32; see Observation for their terms."""
         truth = np.clip(np.nan_to_num(self.observed.read(self, self.observed.truth)), -LIMIT, LIMIT)
-        return {POLICY: told(self.seen.stack), PRIVILEGED: truth.astype(np.float32)}
+        return {POLICY: policy_part(self.seen.stack), PRIVILEGED: truth.astype(np.float32)}
 
     def snapshot(self, row: int) -> Snapshot:
         """Return the present state of a row, for rendering."""

@@ -1,8 +1,9 @@
-"""Register the task as an environment of LeRobot, for `lerobot-eval` and `lerobot-train`.
+"""Register a world's task as an environment of LeRobot, for `lerobot-eval` and `lerobot-train`.
 
-LeRobot imports this package if `--env.discover_packages_path=vispeg.task.lerobot` is given. Then `--env.type=vispeg`
-selects the environment, and `--env.FIELD` sets a field of `VispegEnv` (`--env.world=VNP`). Observations have the keys
-of rendered datasets: `observation.state` and `observation.images.CAMERA` (docs/datasets.md).
+These commands import this package if `--env.discover_packages_path=vispeg.task.lerobot` is given. Then
+`--env.type=vispeg` selects the environment, and `--env.FIELD` sets a field of `VispegEnv`, such as `--env.world=VNP`.
+Policies get observations under the keys of rendered datasets: `observation.state` and `observation.images.CAMERA`
+(docs/datasets.md).
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import gymnasium as gym
-from lerobot.configs.types import FeatureType, PolicyFeature  # LeRobot imports this
+from lerobot.configs.types import FeatureType, PolicyFeature
 from lerobot.envs.configs import EnvConfig
 
 from vispeg.task.environments.lerobot_env import PIXELS, STATE, LeRobotEnv
@@ -25,7 +26,14 @@ gym.register(ID, f"{LeRobotEnv.__module__}:{LeRobotEnv.__name__}")
 @EnvConfig.register_subclass("vispeg")
 @dataclass
 class VispegEnv(EnvConfig):
-    """Options of the environment: `--env.world`, `--env.cameras` and `--env.image_size`; see LeRobotEnv."""
+    """Options of the environment, and its features in LeRobot's terms.
+
+    Attributes:
+        task, fps: as in LeRobot's EnvConfig.
+        world, cameras, image_size: as for LeRobotEnv.
+        features: key in the environment's observation, or ACTION -> kind and shape; set from the world.
+        features_map: key of `features` -> key for policies; set likewise.
+    """
 
     task: str | None = "vispeg"
     fps: int = 6
@@ -37,7 +45,7 @@ class VispegEnv(EnvConfig):
 
     def __post_init__(self):
         env = LeRobotEnv(self.world, tuple(self.cameras), self.image_size)
-        seen: Any = env.observation_space  # of dicts
+        seen: Any = env.observation_space  # STATE and PIXELS, whose spaces are those of the cameras by name
         self.features = {
             ACTION: PolicyFeature(FeatureType.ACTION, env.action_space.shape),
             STATE: PolicyFeature(FeatureType.STATE, seen[STATE].shape),
@@ -50,11 +58,11 @@ class VispegEnv(EnvConfig):
 
     @property
     def gym_id(self) -> str:
-        """Name of the environment in gymnasium's registry."""
+        """Id of the environment in gymnasium's registry."""
         return ID
 
     @property
     def gym_kwargs(self) -> dict[str, Any]:
-        """Arguments of LeRobotEnv."""
+        """Arguments with which gymnasium makes a LeRobotEnv."""
         sizes = {"cameras": tuple(self.cameras), "image_size": self.image_size}
         return {"world": self.world, **sizes, "render_mode": "rgb_array"}

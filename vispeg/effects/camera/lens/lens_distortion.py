@@ -1,9 +1,9 @@
-"""Lens distortion that the calibration does not know: the image warped by Brown's model, colour and depth alike.
+"""Lens distortion that the calibration does not contain: colour and depth images warped by Brown's model.
 
-A pixel at the distorted point shows what lies at the undistorted one: colour bilinear, depth from the nearest pixel,
-so that no depth is made up between two surfaces. What lies outside the rendered image has the border's colour and no
-depth. Source: Brown, Decentering distortion of lenses, 1966. Range: k1 +-0.1; what a calibration leaves is a tenth of
-that.
+A pixel at the distorted point shows what the rendered image has at the undistorted one: colour interpolated linearly,
+depth from the nearest pixel, so that no depth is made up between two surfaces. Points outside the rendered image get
+the colour of its border and no depth (0). Source: Brown, Decentering distortion of lenses, 1966. Typical sizes: |k1| up
+to 0.1 of a lens without calibration, a tenth of that after one.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from vispeg.core.params import Param
 from vispeg.effects.common.camera import CameraEffect
 from vispeg.effects.common.rays import rays
 
-FAR = 10.0  # times the ray, which no image reaches
+FAR = 10.0  # factor on normalized coordinates that moves a point far outside the image
 
 
 class LensDistortion(CameraEffect):
-    """Lens distortion that the calibration lacks."""
+    """Lens distortion that the calibration does not contain."""
 
     name = "lens_distortion"
     channel = "border"
@@ -38,7 +38,7 @@ class LensDistortion(CameraEffect):
             values = tuple(float(p[k][row]) for k in ("k1", "k2", "p1", "p2"))
             key = (values, frame.K[row].tobytes(), frame.shape)
             cached = state.get(int(row))
-            if cached is None or cached[0] != key:  # a lens stays as it is for an episode, so its map is kept
+            if cached is None or cached[0] != key:  # a lens does not change in an episode, so its map is kept
                 cached = state[int(row)] = (key, *_map(frame.K[row], frame.shape, values))
             _, u, v = cached
             if frame.rgb is not None:
@@ -48,12 +48,19 @@ class LensDistortion(CameraEffect):
 
 
 def _map(K: np.ndarray, shape: tuple[int, int], brown: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Where in the rendered image (px) each pixel of the distorted one looks; both (H, W) float32."""
+    """Return for each pixel of the distorted image which point of the rendered one it shows: u and v, px.
+
+    Args:
+        K: (3, 3) intrinsics, px.
+        shape: height and width of both images, px.
+        brown: k1, k2, p1, p2.
+
+    Returns:
+        u and v, each (H, W) float32; far outside the image for pixels that the lens model cannot reach.
+    """
     distorted = np.stack(rays(K, shape)[:2], -1).astype(float)
     ideal = undistort(distorted, (*brown, 0.0))
-    ideal = np.where(
-        np.isnan(ideal), FAR * distorted, ideal
-    )  # beyond the lens's fold nothing is seen: outside the image
+    ideal = np.where(np.isnan(ideal), FAR * distorted, ideal)  # NaN: no ideal point maps to this pixel
     f, c = np.array([K[0, 0], K[1, 1]]), np.array([K[0, 2], K[1, 2]])
     u, v = np.moveaxis(f * ideal + c, -1, 0).astype(np.float32)
     return u, v
