@@ -177,5 +177,5 @@ def test_a_channel_without_evidence_is_refused():
     joints = tuple(f"joint{k}" for k in range(1, 8))
     a = Recording(Path("a"), "iiwa14", joints, 100.0, Control("position", 100.0), time, q, q_cmd=q)
     b = replace(a, path=Path("b"), q=q + 1e-3)
-    with pytest.raises(UserError, match="have this channel"):
+    with pytest.raises(UserError, match="the model or one of the recordings does not have this channel"):
         diagnose("peg-cell", a, b, channels=("pictures",))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import vispeg
-from vispeg.channels.channel import CHANNELS
+from vispeg.channels.channel import CHANNELS, How
 from vispeg.channels.resolve import available, resolve
 from vispeg.channels.signal import SignalChannel
 from vispeg.cli.main import main
@@ -68,6 +68,15 @@ def sides(tmp_path_factory):
         rec = replace(rec, tau=None, torque_sensor="none", signals={"current": Signal(values, "A", SIGMA)})
         out.append(write(rec, tmp_path_factory.mktemp("current") / name))
     return out
+
+
+def test_a_signal_that_is_missing_is_not_called_a_short_recording(sides):
+    rec = load(sides[0])
+    gone = replace(
+        rec.signals["current"], values=np.where(rec.time[:, None] < 0.3, rec.signals["current"].values, np.nan)
+    )
+    with pytest.raises(UserError, match="no reading after the first 0.4 s of an episode"):
+        CHANNELS["current"].evidence(World("iiwa14"), ((replace(rec, signals={"current": gone}),), ()), How())
 
 
 def test_it_is_looked_in_beside_the_joints(sides):

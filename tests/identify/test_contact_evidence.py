@@ -79,13 +79,33 @@ def test_torques_by_inverse_dynamics_leave_contact_out_too(nominal):
     assert seen.items[0].valid.sum() < blind.items[0].valid.sum()
 
 
+def cut(rec, *spans):
+    """Return these spans (s) of a recording, end to end, with a tool that presses after half a second."""
+    rows = np.concatenate([np.flatnonzero((rec.time > start) & (rec.time < end)) for start, end in spans])
+    columns = {k: getattr(rec, k)[rows] for k in ("q", "dq", "tau", "ee", "ee_cmd", "ft")}
+    columns["ft"] = columns["ft"] + np.where(np.arange(len(rows))[:, None] > 250, [0, 0, -20.0, 0, 0, 0], 0.0)
+    return replace(rec, time=np.arange(len(rows)) / 500.0, **columns)
+
+
 def test_an_arm_that_touches_all_the_time_is_refused(nominal):
     """Half a second in the air, then pressed for good: nothing of the joints can be told, and that is said."""
-    rows = (nominal.time < 0.5) | ((nominal.time > 2.6) & (nominal.time < 4.2))
-    cut = {k: getattr(nominal, k)[rows] for k in ("q", "dq", "tau", "ee", "ee_cmd", "ft")}
-    cut["ft"] = cut["ft"] + np.where(np.arange(rows.sum())[:, None] > 250, [0, 0, -20.0, 0, 0, 0], 0.0)
+    pressing = cut(nominal, (-1.0, 0.5), (2.6, 4.2), (2.6, 4.2))
     with pytest.raises(UserError, match="touches something all the time"):
-        Evidence([replace(nominal, time=np.arange(rows.sum()) / 500.0, **cut)])
+        Evidence([pressing])
+    with pytest.raises(UserError, match="touches something all the time"):
+        TorqueEvidence([replace(pressing, control=Control("unknown", 500.0), ee_cmd=None)])
+
+
+def test_an_arm_that_touches_for_too_short_a_time_is_told_so(nominal):
+    pressing = cut(nominal, (-1.0, 0.5), (2.6, 4.2))  # 2.1 s, of which the start takes 1.2 s
+    with pytest.raises(UserError, match="too short to compare: every episode lasts under 2.4 s"):
+        Evidence([pressing])
+
+
+def test_missing_readings_are_not_called_a_short_recording(nominal):
+    blank = replace(nominal, control=Control("unknown", 500.0), ee_cmd=None, wrench=None)
+    with pytest.raises(UserError, match="no torque is read"):
+        TorqueEvidence([replace(blank, tau=np.full_like(nominal.tau, np.nan))], np.ones(7))
 
 
 @pytest.mark.slow

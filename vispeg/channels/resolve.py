@@ -49,13 +49,14 @@ def resolve(
         key: the option by which the user asked, for messages.
 
     Raises:
-        UserError: a channel asked for that is unknown or that a recording lacks, or a recording of contact without
-            wrench and torques.
+        UserError: a channel asked for that is unknown or that the model or a recording lacks, or a recording of contact
+            without wrench and torques.
     """
     asked, can = [asked] if isinstance(asked, str) else asked, available(world, *groups)
     for name in asked:
         if channel(name, key).name not in can:
-            raise UserError("not all of the recordings have this channel", key=key, got=name, choices=can)
+            what = "the model or one of the recordings does not have this channel"
+            raise UserError(what, key=key, got=name, choices=can)
     whole = world.cell is None or {"pictures", "contact"} <= set(can)
     usual = can if whole else tuple(name for name in can if name != "joints") or can
     return tuple(name for name in can if name in (asked or usual)) or ("joints",)

@@ -19,7 +19,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.memory import large_apart
 from vispeg.core.rules import RULES
 from vispeg.identify.channels import Channel, Item, shows
-from vispeg.identify.contact import Contact, contact_of
+from vispeg.identify.contact import ALWAYS, Contact, contact_of
 from vispeg.identify.load import load_noise, unsigned, with_gains
 from vispeg.identify.loops.opened import OPEN, driven
 from vispeg.identify.loops.runaway import in_hand, said
@@ -235,9 +235,10 @@ class Evidence(Freedom):
             UserError: nothing of the recording can be compared.
         """
         robot, settle, noise, out = robot_of(rec), _settle(rec), noise_of(rec), []
-        for segment in segments(rec):
-            if segment.time[-1] <= 2 * settle:
-                continue
+        long = [segment for segment in segments(rec) if segment.time[-1] > 2 * settle]
+        if not long:
+            raise UserError(f"too short to compare: every episode lasts under {2 * settle} s", file=rec.path)
+        for segment in long:
             thin = slice(None, None, every)
             segment = replace(segment, time=segment.time[thin], rows=segment.rows[thin])
             late = (segment.time >= settle)[:, None]
@@ -254,10 +255,9 @@ class Evidence(Freedom):
             if channels[0].valid.any():
                 out.append(Item(rec, segment, robot, channels))
         if not out and contact is not None:
-            what = "the tool touches something all the time: nothing of the joints can be compared"
-            raise UserError(what, file=rec.path, expected="a second or more in free air")
+            raise UserError(ALWAYS, file=rec.path, expected="a second or more in free air")
         if not out:
-            raise UserError(f"too short to compare: every episode lasts under {2 * settle} s", file=rec.path)
+            raise UserError(f"no reading after the first {settle} s of an episode can be compared", file=rec.path)
         return out
 
     def residuals(self, worlds: Sequence[World]) -> list[np.ndarray]:

@@ -17,7 +17,7 @@ from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.rules import RULES
 from vispeg.identify.channels import Channel, Item
-from vispeg.identify.contact import Contact, contact_of
+from vispeg.identify.contact import ALWAYS, Contact, contact_of
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.nominal import robot_of
 from vispeg.recordings.checks import missing
@@ -196,7 +196,8 @@ def _items(rec: Recording, sigma: np.ndarray, contact: Contact | None) -> list[I
     """Return one item per episode, differentiated separately; an episode is cut at long gaps in its angles.
 
     Raises:
-        UserError: no torque with a stated sensor placement, or no episode longer than the filter's transients.
+        UserError: no torque with a stated sensor placement, no episode longer than the filter's transients, or no
+            sample in free air with angles and a torque.
     """
     if rec.tau is None or rec.torque_sensor == "none":
         header = rec.path / "recording.yaml"
@@ -208,10 +209,14 @@ def _items(rec: Recording, sigma: np.ndarray, contact: Contact | None) -> list[I
     number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
     free = np.ones(len(rec.time), bool) if contact is None else contact.free
     runs = [run for n in np.unique(number) for run in missing.stretches(rec, np.flatnonzero(number == n))]
-    items = [_item(rec, rec.tau, run, sigma, free) for run in runs if len(run) > 1]
-    items = [item for item in items if item.valid.any()]
-    if not items:
+    long = [run for run in runs if rec.time[run[-1]] - rec.time[run[0]] >= 2 * ENDS]
+    if not long:
         raise UserError(f"too short to compare: every episode lasts under {2 * ENDS:g} s", file=rec.path)
+    items = [item for run in long if (item := _item(rec, rec.tau, run, sigma, free)).valid.any()]
+    if not items and contact is not None:
+        raise UserError(ALWAYS, file=rec.path, expected="a second or more in free air")
+    if not items:
+        raise UserError("no torque is read where the joints' motion is known", file=rec.path, key="tau.*")
     return items
 
 
