@@ -173,6 +173,7 @@ def joined(said: Sequence[Said], world: World) -> Diagnosis:
 
 
 def _row(s: Said) -> ChannelRecord:
+    """Return a channel's own record, with the effects of other channels that were in its model."""
     assumed = [{"effect": e.effect, "where": e.where} for e in s.assumed]
     return cast("ChannelRecord", {"channel": s.channel.name, "given": assumed, "record": s.diagnosis.record})
 

@@ -143,6 +143,7 @@ def candidates(state: State, rivals: Sequence[Rivals], n_fixed: int) -> list[Can
 
 
 def _candidate(t: Trial, why: str, n_fixed: int) -> Candidate:
+    """Return the entry of a rejected trial, with the added effects that its world had beside it."""
     beside = [e for e in t.fit.world.effects[n_fixed:] if not t.score.has(e)]
     return {
         "effect": t.score.key[0],

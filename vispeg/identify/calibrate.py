@@ -130,6 +130,7 @@ def _draw(space: Space, rng: np.random.Generator) -> np.ndarray:
 
 
 def _one(space: Space, axis: Axis, low: float, high: float, rng: np.random.Generator) -> float:
+    """Return one coordinate of a random start within bounds."""
     if axis.param.shape or axis.param.scale == "log":
         return float(rng.uniform(low, high))
     null, typical = axis.param.null, axis.param.start - axis.param.null

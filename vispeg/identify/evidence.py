@@ -169,6 +169,7 @@ class Evidence(Freedom):
         return answer
 
     def _simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
+        """Roll out the worlds, shared between processes if that is worth it."""
         count = processes(self.nthread, len(worlds))
         self.rollouts += len(worlds) * sum(i.segment.time[-1] for i in self.items)
         if count == 1:
@@ -188,6 +189,7 @@ class Evidence(Freedom):
         return out
 
     def _rolled_out_at(self, step: float, worlds: Sequence[World], nthread: int) -> list[np.ndarray]:
+        """Roll out the worlds at one greatest physics step, items of one robot and controller together."""
         out: list[np.ndarray] = [np.empty(0)] * len(self.items)
         for group in self.groups:
             items = [self.items[i] for i in group]
@@ -338,6 +340,7 @@ def _used(rec: Recording, every: int) -> str:
 
 
 def _stable_step(placed: EffectInstance) -> float:
+    """Return the greatest physics step, s, at which an effect is integrated stably."""
     return effect(placed.effect).stable_step({name: v.value for name, v in placed.params.items()})
 
 

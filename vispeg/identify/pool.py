@@ -45,6 +45,8 @@ def run_together(
     failed: list[BaseException] = []
 
     def work(i: int) -> None:
+        """Run job number `i`, in its own thread."""
+
         def submit(worlds: Sequence[World]) -> list[np.ndarray]:
             with lock:
                 asked[i] = worlds

@@ -182,6 +182,7 @@ def centre_of(robot: RobotModel) -> np.ndarray:
 
 
 def _segment(robot: RobotModel, motion: Motion, control: Control) -> Segment:
+    """Return the segment to simulate: the commands of a motion that the controller takes."""
     command = {"q_cmd": motion.q_cmd, "dq_cmd": motion.dq_cmd}
     if control.mode == "osc":
         command = {"ee_cmd": flange_pose(robot, motion.q_cmd) if motion.ee_cmd is None else motion.ee_cmd}

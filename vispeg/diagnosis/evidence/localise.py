@@ -89,6 +89,7 @@ def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingT
     inertia = np.min(1.0 / np.diagonal(np.linalg.inv(mass[:: max(1, m // 16)]), axis1=1, axis2=2), axis=0)
 
     def torque(d: np.ndarray) -> np.ndarray:
+        """Return the torque (m, nj) N m that makes a difference of angles (m, nj) rad in the loop."""
         d, rate, acc = smooth(seg.time, d, CUTOFF_HZ)
         if control.mode == "position":
             return np.einsum("nij,nj->ni", mass, acc) + control.kd * rate + control.kp * d

@@ -75,10 +75,10 @@ def refined(values: np.ndarray, step: float) -> float:
     """Refine a step by least squares over values (n,), small ones first: their integer multiples are certain."""
     values = values[np.isfinite(values)]
     for share in (0.1, 0.3, 1.0):
-        near = values[np.abs(values) <= share * np.abs(values).max()]
-        counts = np.round(near / step)
+        small = values[np.abs(values) <= share * np.abs(values).max()]
+        counts = np.round(small / step)
         if counts.any():
-            step = float(near @ counts / (counts @ counts))
+            step = float(small @ counts / (counts @ counts))
     return step
 
 

@@ -187,6 +187,7 @@ def at_bound(placed: EffectInstance) -> bool:
 
 
 def _at_edge(p: Param, value: float) -> bool:
+    """Return whether a value is near a bound of its parameter that is not null."""
     value, low, high = (float(np.log(v)) if p.scale == "log" else v for v in (value, p.low, p.high))
     edge = RULES.edge * (high - low)
     return (value > high - edge and p.high != p.null) or (value < low + edge and p.low != p.null)

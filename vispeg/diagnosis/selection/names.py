@@ -42,9 +42,9 @@ class Ground:
 
     def needed(self, k: int) -> float:
         """Return the least rise of the squared residual by its removal with which the entry `k` is certain."""
-        return RULES.name_costs * self.left(k)
+        return RULES.name_costs * self.excess_at(k)
 
-    def left(self, k: int) -> float:
+    def excess_at(self, k: int) -> float:
         """Return the excess at the place of the entry `k`."""
         return self.excess.get(self.dictionary.entries[k].placed.where, self.excess[""])
 
@@ -106,7 +106,7 @@ def _doubts(
 
 def _near(fitted: Ground, k: int, error: float, without: float) -> float:
     """Return the squared residual up to which a candidate in place of `k` fits nearly as well."""
-    return error + RULES.name_slack * min(fitted.left(k), without - error)
+    return error + RULES.name_slack * min(fitted.excess_at(k), without - error)
 
 
 class _Both:
@@ -125,19 +125,20 @@ class _Both:
 
 
 def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: int, beside: np.ndarray) -> Exchange:
+    """Return the exchange of the effect `k`. Names in `_held` are of the held-out ground."""
     entries, rest = fitted.dictionary.entries, [m for m in model if m != k]
-    (error, left_held), (without, without_held) = both(model), both(rest)
+    (error, error_held), (without, without_held) = both(model), both(rest)
     instead, alike, close = _doubts(fitted, model, k, beside, error, without)
-    share = min((without - error) / fitted.left(k), (without_held - left_held) / held.left(k))
+    share = min((without - error) / fitted.excess_at(k), (without_held - error_held) / held.excess_at(k))
     alike = alike if share >= RULES.name_costs else []
     shaken = []
     for c in alike:
-        (other, other_held), (more, more_held) = both([*rest, c]), both([*model, c])
+        (other, other_held), (more, more_held) = both([*rest, c]), both([*model, c])  # c in place of k, and beside it
         weak = other - more < fitted.needed(k)
-        if weak or other_held - min(left_held, more_held) < held.needed(k):
+        if weak or other_held - min(error_held, more_held) < held.needed(k):
             shaken.append(c)
     close = [c for c in close if both([*rest, c])[0] < _near(fitted, k, error, without)]
-    better = [c for c in alike if both([*rest, c])[1] < left_held]
+    better = [c for c in alike if both([*rest, c])[1] < error_held]
     order = sorted({*close, *better, *shaken}, key=lambda c: -instead[c])
     rivals = list({entries[c].key: c for c in reversed(order)}.values())[::-1]  # the best of one candidate's guesses
     placed = tuple(fitted.dictionary.placed([*rest, c])[-1] for c in rivals[: RULES.name_rivals])
