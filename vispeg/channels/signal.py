@@ -78,7 +78,10 @@ class SignalEvidence(Evidence):
     def compared(
         self, rec: Recording, rows: np.ndarray, late: np.ndarray, noise: Mapping[str, np.ndarray]
     ) -> tuple[Column, ...]:
-        """Give the signal's columns, with the noise that the header states, else an estimate from high frequencies."""
+        """Give the signal's columns, with the noise that the header states, else an estimate from high frequencies.
+
+        Arguments are as in `Evidence.compared`.
+        """
         signal = rec.signals[self.channel.name]
         values = signal.values[rows]
         sigma = highpass_sigma(signal.values) if signal.noise is None else np.full(values.shape[1], signal.noise)

@@ -436,8 +436,9 @@ class _Sizes(Freedom):
 def _fitted(side: _Side, placed: Sequence[EffectInstance], weight: np.ndarray) -> list[EffectInstance]:
     """Refine the sizes with the nonlinear laws, in which, unlike in the columns, a mass multiplies its centre.
 
-    Takes up to `STEPS` Gauss-Newton steps on the negative log posterior, as long as they lower it. `weight` (nj,) is
-    the inverse variance of each joint's missing torque.
+    Takes up to `STEPS` Gauss-Newton steps on the negative log posterior, as long as they lower it. `side` has the
+    fitted recordings, `placed` the effects with start values; `weight` (nj,) is the inverse variance of each joint's
+    missing torque.
     """
     given = len(side.world.effects)
     start = side.world.add(*placed)

@@ -1,7 +1,8 @@
 """Build the parts of diagnosis.json: effects, ladder, candidates, channels, correlations, notes on encoders.
 
-In all of them the effects after the first `n_fixed` of a world were added by the search; the ladder is the list of
-models from the user's to the final one, with their errors.
+In all of them the effects after the first `n_fixed` of a world were added by the search, `evidence` holds the fitted
+and `judged` the held-out recordings. The ladder is the list of models from the user's to the final one, with their
+errors.
 """
 
 from __future__ import annotations

@@ -87,9 +87,9 @@ def _fit(room: Room, dq: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def fourier(room: Room, rng: np.random.Generator, harmonics: int = 5, base_hz: float | None = None) -> tuple:
-    """Return a sum of `harmonics` sines with random phases.
+    """Return a sum of `harmonics` sines with random phases, at multiples of `base_hz`.
 
-    By default the base frequency is one period per recording, but at least 0.1 Hz.
+    By default that is one period per recording, but at least 0.1 Hz.
     """
     t, nj = room.time, len(room.joints)
     base = max(0.1, 1.0 / room.duration) if base_hz is None else base_hz
@@ -111,7 +111,10 @@ def _ramped(room: Room, f: np.ndarray, df: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def chirp(room: Room, rng: np.random.Generator, low_hz: float = 0.1, high_hz: float = 4.0) -> tuple:
-    """Return sines of rising frequency; the amplitude falls with frequency so that the speed stays near its limit."""
+    """Return sines of a frequency that rises from about `low_hz` to about `high_hz`.
+
+    The amplitude falls with frequency so that the speed stays near its limit.
+    """
     t, nj = room.time[:, None], len(room.joints)
     low, high = low_hz * rng.uniform(0.8, 1.25, nj), high_hz * rng.uniform(0.8, 1.25, nj)
     freq, dfreq = low + (high - low) * t / room.duration, (high - low) / room.duration
@@ -125,7 +128,10 @@ def chirp(room: Room, rng: np.random.Generator, low_hz: float = 0.1, high_hz: fl
 
 
 def triangle(room: Room, rng: np.random.Generator, slow: float = 0.02, speeds: int = 5, blend_s: float = 0.06) -> tuple:
-    """Return strokes of constant velocity out and back, at `speeds` speeds from `slow` rad/s up, in random order."""
+    """Return strokes of constant velocity out and back, at `speeds` speeds from `slow` rad/s up, in random order.
+
+    Velocities change within `blend_s` seconds.
+    """
     n, nj = len(room.time), len(room.joints)
     q, dq = np.zeros((n, nj)), np.zeros((n, nj))
     stroke = (room.duration - blend_s) / (2 * speeds)
@@ -152,7 +158,7 @@ def _fit_down(room: Room, dq: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np
 
 
 def steps(room: Room, rng: np.random.Generator, count: int = 6, smallest: float = 0.005) -> tuple:
-    """Return minimum-jerk steps with rests, of sizes from `smallest` rad to the reach, at each joint's own times."""
+    """Return `count` minimum-jerk steps with rests, from `smallest` rad to the reach, at each joint's own times."""
     n, nj = len(room.time), len(room.joints)
     q, dq = np.zeros((n, nj)), np.zeros((n, nj))
     slot = room.duration / count

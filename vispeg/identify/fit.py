@@ -183,7 +183,10 @@ def squares(r: np.ndarray) -> float:
 def _least_squares(
     point: Point, u0: np.ndarray, iterations: int, race: Race | None, trace: Trace | None, size: int
 ) -> tuple[Point, np.ndarray, bool]:
-    """Return `point`, the solution, and whether the optimizer met its tolerance; `size` is the residual's length."""
+    """Return `point`, the solution, and whether the optimizer met its tolerance; it begins at `u0` (naxis,).
+
+    `size` is the residual's length; the other arguments are as in `fit_job`.
+    """
     low, high = point.space.bounds
 
     def lap(intermediate_result: optimize.OptimizeResult) -> None:
@@ -249,7 +252,8 @@ def _uncertainty(
     """Return standard errors that are robust to autocorrelation and misfit, the correlation matrix, and `Fit.weak`.
 
     The errors are from the sandwich covariance over blocks of time (Newey and West, Econometrica 55(3), 1987; block
-    form), but at least the ordinary ones, and at least those from the scatter of estimates from single items.
+    form), but at least the ordinary ones, and at least those from the scatter of estimates from single items. `r` (n,)
+    and `jac` (n, naxis) are residual and derivatives at the solution.
     """
     n = jac.shape[1]
     info = jac.T @ jac

@@ -110,7 +110,7 @@ class Point:
         return np.vstack([np.column_stack([upper, along]), rest])
 
     def _evaluate(self, u: np.ndarray, r: np.ndarray | None = None) -> None:
-        """Roll out one finite-difference step along each coordinate, and the point itself if its residual is not given.
+        """Roll out one step from `u` along each coordinate, and `u` itself too if its residual `r` is not given.
 
         The result goes to `evaluated`, which keeps only one more point, the best.
         """

@@ -38,6 +38,13 @@ def controller(
 
     A servo takes position goals only, and has no gains here: its loop is built in, and effects describe it.
 
+    Args:
+        robot: the arm.
+        mode: of control; in mode `torque` the gains are of the loop that computes the torques.
+        rate_hz: control rate.
+        centre: posture (nj,) rad, about which default gains are stable, and to which an OSC null space pulls.
+        kp, kd: gains, one per joint, or six for `osc`.
+
     Raises:
         UserError: gains of the wrong length or sign, or gains of servos.
     """
@@ -159,7 +166,8 @@ def drive(
 ) -> tuple[Segment, Response]:
     """Drive one world through a motion and return the commands and the response.
 
-    The response has one row without noise, or, if `sensed` is given, a row for each row of that noise in the loop.
+    The response has one row without noise, or, if `sensed` is given, a row for each row of that noise in the loop. With
+    `want_ee` it has the flange's poses too.
 
     Raises:
         UserError: the arm does not follow (the controller is unstable with this plant).

@@ -1,6 +1,7 @@
 """Find the rivals of accepted effects: other effects in their place, fitted and judged on the same recordings.
 
 Rivals that explain the held-out data as well are the effect's equals; then the recordings cannot tell which is true.
+The accepted effects of a world are those after the first `n_fixed`.
 """
 
 from __future__ import annotations

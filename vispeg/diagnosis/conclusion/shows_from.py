@@ -148,7 +148,10 @@ def shows_from(
 def _least(
     search: Searched, state: State, tried: Iterable[tuple[Sequence[Tried], np.ndarray]], worth: float
 ) -> dict[tuple[str, str, str], float]:
-    """Return for each (effect, where, magnitude) the least distance from null at which it is found, or infinity."""
+    """Return for each (effect, where, magnitude) the least distance from null at which it is found, or infinity.
+
+    Arguments are as in `shows_from`.
+    """
     level = float(stats.norm.isf(RULES.discoveries / max(search.tested(state), 1)))
     every = []
     for seen in _seen(search, state, tried):

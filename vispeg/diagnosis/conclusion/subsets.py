@@ -67,7 +67,7 @@ def subsets(
 
 
 def _residual(judged: Evidence, predicted: Sequence[np.ndarray], i: int) -> np.ndarray:
-    """Return the whitened residual of world i, as in `Evidence.residuals`, without another rollout."""
+    """Return the whitened residual of world i, as in `Evidence.residuals`, from each item's predictions (m, n, nch)."""
     return np.concatenate([judged.whiten(item, y[i]).ravel() for item, y in zip(judged.items, predicted, strict=True)])
 
 

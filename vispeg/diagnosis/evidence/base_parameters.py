@@ -68,7 +68,10 @@ def columns(item: Item) -> np.ndarray:
 
 
 def _rigid(item: Item, ddq: np.ndarray) -> np.ndarray:
-    """Return (m, nj, 10 nlink): torques of each link alone in ten mass states that span its inertial parameters."""
+    """Return (m, nj, 10 nlink): torques of each link alone in ten mass states that span its inertial parameters.
+
+    They are along the motion of an item with the accelerations `ddq` (m, nj).
+    """
     model, seg = compiled(item.robot), item.segment
     rows, out = len(seg.time), []
     batch = mjb.Batch(model, rows, nthread=1)

@@ -120,7 +120,7 @@ def _means(control: Control) -> tuple[float, float]:
 
 
 def _motor_torque(item: Item, q: np.ndarray, dq: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-    """Return the commanded joint torque (m, nj) from what was recorded; gravity alone if it is unknown."""
+    """Return the commanded joint torque (m, nj) at angles `q` and speeds `dq`; `gravity` (m, nj) if it is unknown."""
     seg, c = item.segment, item.segment.control
     at = np.clip(np.round(seg.time / seg.tick).astype(int), 0, seg.ticks - 1)
     if np.any(np.abs(seg.time - at * seg.tick) > 0.05 * seg.tick):  # the commands are of other instants

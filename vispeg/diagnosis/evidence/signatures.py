@@ -108,7 +108,10 @@ class Probe:
 
 
 def probes(places: Sequence[tuple[str, str]], item: Item, joint_data: Sequence[JointData]) -> list[Probe]:
-    """Return the probes of all these (effect, where): for each one as many as there are guesses of its values."""
+    """Return the probes of all these (effect, where): for each one as many as there are guesses of its values.
+
+    `item` says which robot it is; `joint_data` has the data of each joint, from which values are guessed.
+    """
     out = []
     for name, where in places:
         kind = effect(name)

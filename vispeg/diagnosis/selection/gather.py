@@ -1,7 +1,8 @@
 """Replace the errors of several links by one body: one effect added, several removed.
 
 A search by single steps may explain a load at the flange by masses and centres of the last links. If one effect is
-exchanged for one, the search cannot get from there to the load alone, although that has fewer parameters.
+exchanged for one, the search cannot get from there to the load alone, although that has fewer parameters. The first
+`n_fixed` effects of a world are not fitted.
 """
 
 from __future__ import annotations

@@ -79,7 +79,7 @@ class Judge:
         return gain.mean * self.size.sum() <= self.evidence.tied
 
     def gain(self, before: np.ndarray, after: np.ndarray, crossed: tuple[np.ndarray, np.ndarray] | None = None) -> Gain:
-        """Return the improvement from one loss to another.
+        """Return the improvement from the loss `before` of one world to the loss `after` of another.
 
         `crossed` are the cross-fitted losses of the two worlds on the fitted recordings; their blocks join the test.
         """

@@ -3,7 +3,8 @@
 An example is dry friction, refined to friction with presliding. In a single joint a refinement is too small to be
 distinguished from the error of the model's form. The gears of one arm are alike, so all joints are refined together, as
 one candidate with one test. In joints where the refinement hardly matters the simple law is restored. Effects whose
-richer form has other parameters are refined one by one when they are added (`grow`).
+richer form has other parameters are refined one by one when they are added (`grow`). The first `n_fixed` effects of a
+world are not fitted.
 """
 
 from __future__ import annotations
@@ -144,7 +145,7 @@ def _first(starts: list[EffectInstance]) -> list[EffectInstance]:
 
 
 def grow(search: Searching, state: State, placed: EffectInstance, n_fixed: int) -> None:
-    """Replace the effect just added by a richer one if that removes most of the rest.
+    """Replace the effect just added (`placed`) by a richer one if that removes most of the rest.
 
     The added effect may be an alias of it: rotor inertia imitates backlash. A fit of the richer effect from scratch
     tends to end in a local minimum in which the simpler one explains most, so it starts from the simpler one's value.

@@ -125,7 +125,10 @@ class _Both:
 
 
 def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: int, beside: np.ndarray) -> Exchange:
-    """Return the exchange of the effect `k`. Names in `_held` are of the held-out ground."""
+    """Return the exchange of the effect `k`.
+
+    `both` gives squared residuals of sets; names in `_held` are of the held-out ground. `beside` is as in `_doubts`.
+    """
     entries, rest = fitted.dictionary.entries, [m for m in model if m != k]
     (error, error_held), (without, without_held) = both(model), both(rest)
     instead, alike, close = _doubts(fitted, model, k, beside, error, without)

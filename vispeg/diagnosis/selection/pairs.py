@@ -30,7 +30,7 @@ def pairs(search: Searching, state: State, missing: Sequence[MissingTorque]) -> 
     """Return pairs of distant effects in the joint that misses most torque, best first; the answer is stored.
 
     For each guess of the first effect only the best guess of the second is kept, and of pairs with nearly the same
-    values only the best.
+    values only the best. `missing` is the missing torque of each fitted item.
     """
     evidence, joints = search.evidence, search.evidence.items[0].robot.joints
     worst = int(np.argmax(joint_z(missing)))

@@ -104,7 +104,10 @@ class Proposals:
         places: Sequence[tuple[str, str]],
         missing: Sequence[MissingTorque],
     ) -> list[Score]:
-        """Return the scores of single places, best first; scores already known for the same world are reused."""
+        """Return the scores of single places, best first; scores already known for the same world are reused.
+
+        Arguments are as in `screened`.
+        """
         fresh = [p for p in places if p not in self._alone.get(model_text(world), {})]
         if fresh:
             self.screened(world, residual, fit, fresh, missing)
@@ -147,7 +150,7 @@ class Proposals:
         return Ground(Dictionary(fit.residual, taken, fit), excess(judge, world, fit.residual))
 
     def changes(self, state: State, n_fixed: int) -> list[Change]:
-        """Return fitted effects that vary over time or position; see `evidence.constancy`."""
+        """Return effects, after the first `n_fixed`, that vary over time or position; see `evidence.constancy`."""
         if state.fit is None:
             return []
         surplus = excess(self.cross.judge, state.world, state.fit.residual)

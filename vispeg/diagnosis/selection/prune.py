@@ -5,7 +5,7 @@ rollout (cross-fitted) and on the held-out ones with one; only a removal costs a
 useless on the fitted recordings are removed together, unless the held-out error then rises beyond chance. Then effects
 that the held-out recordings do not need are removed one by one. An effect that lowers the held-out error beyond chance
 but by no visible share stays, is not named (`State.slight`), and is removed only if it may be absent and removes next
-to nothing.
+to nothing. The first `n_fixed` effects of a world are not fitted and stay.
 """
 
 from __future__ import annotations
@@ -112,7 +112,10 @@ def needed(search: Testing, state: State, k: int, gain: Gain) -> bool:
 
 
 def _matters(search: Testing, state: State, k: int, gain: Gain) -> bool:
-    """Return whether an effect removes a visible share of all error, or, as a group's member, of its joint's error."""
+    """Return whether the effect at index `k` removes a visible share of all error, or of its joint's as one of a group.
+
+    `gain` is the improvement by it.
+    """
     placed, joints = state.world.effects[k], search.evidence.items[0].robot.joints
     local = gain.joints[joints.index(placed.where)] if placed.where in joints and state.grouped(placed) else 0.0
     return bool(gain.relative >= search.evidence.least_gain or local >= RULES.drop_local)

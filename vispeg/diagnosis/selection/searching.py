@@ -106,7 +106,7 @@ class Searching(Testing, Protocol):
         places: Sequence[tuple[str, str]],
         missing: Sequence[MissingTorque],
     ) -> list[Score]:
-        """Return the scores of single places, best first."""
+        """Return the scores of single places, best first; arguments are as in `screened`."""
         ...
 
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:

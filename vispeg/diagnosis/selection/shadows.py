@@ -8,7 +8,7 @@ Three kinds of effects are suspected:
 
 With an alias in the model, no missing effect improves the fit on its own, so exchanges of one effect for one fail. When
 a search ends, it is therefore continued without the aliases, and the better result is kept. An alias at a bound that
-was added together with others is removed at once.
+was added together with others is removed at once. The first `n_fixed` effects of a world are not fitted and stay.
 """
 
 from __future__ import annotations

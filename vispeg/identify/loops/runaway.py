@@ -51,7 +51,10 @@ def said(before: Recording, after: Recording) -> str:
 
 
 def _lost(time: np.ndarray, q: np.ndarray, limit: np.ndarray) -> np.ndarray:
-    """Return samples, (n,) bool, from shortly before to some time after one at which a joint is far too fast."""
+    """Return the samples (n,) bool from shortly before to some time after one at which a joint is far too fast.
+
+    `limit` (nj,) rad/s has the joints' rated speeds.
+    """
     _, dq, _ = smooth(time, q, MOTION_HZ)
     fast = time[(np.abs(dq) > RULES.runaway_speed * limit).any(axis=1)]  # a missing reading is not fast
     # the last fast sample that is not too far ahead; it must not be too far back either
