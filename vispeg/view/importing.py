@@ -121,11 +121,11 @@ class Importer:
         mapping = map_from(columns, source, arm.joints)
         rec = read_source(source, placed(robot), arm.joints, mapping, limits=Limits.of(arm), topics=topics)
         every = slice(None, None, max(1, -(-len(rec.time) // MOST)))
-        there = {name: getattr(rec, name)[every] for name in SIGNALS if getattr(rec, name) is not None}
-        signals = {name: value for name, value in there.items() if value.ndim == 2}
+        recorded = {name: getattr(rec, name)[every] for name in SIGNALS if getattr(rec, name) is not None}
+        signals = {name: value for name, value in recorded.items() if value.ndim == 2}
         degrees = str(columns.get(f"q.{rec.joints[0]}", {})).find("deg") >= 0
-        said = doubts(rec, Limits.of(arm, rec.joints), degrees, needs_of(load_for(rec.joints, robot), rec))
-        lines = tuple(f"{d.key}: {d.said}" + (f" (likely {d.likely})" if d.likely else "") for d in said)
+        found = doubts(rec, Limits.of(arm, rec.joints), degrees, needs_of(load_for(rec.joints, robot), rec))
+        lines = tuple(f"{d.key}: {d.said}" + (f" (likely {d.likely})" if d.likely else "") for d in found)
         self.tell("look", Look(rec.time[every], tuple(rec.joints), signals, rec.rate_hz, len(rec.time), lines))
 
     def write(

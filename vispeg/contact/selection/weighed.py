@@ -43,8 +43,8 @@ def tool_instead(search: ContactSearch, state: State, n_fixed: int) -> tuple[Eff
     search.say(f"fitting {TOOL_MASS}({where}) and {TOOL_CENTRE}({where}) in the place of {part.label}")
     if len(added) > 1:
         world = search.reduced([world], n_fixed)[0].world
-    without = search.judge.mean(search.judge.losses([world])[0])
-    absent = search.evidence.absent
+    neither = search.judge.mean(search.judge.losses([world])[0])  # of the model without the mass of part or tool
+    absent = search.evidence.absent  # the tool's parameters are fitted here even if the search found them absent
     search.evidence.absent = {(name, k) for name, k in absent if name not in (TOOL_MASS, TOOL_CENTRE)}
     mass, z = equivalent_tool(scene, part.params["scale"].value)
     world = world.add(EffectInstance.of(TOOL_MASS, where, mass=mass))
@@ -53,15 +53,15 @@ def tool_instead(search: ContactSearch, state: State, n_fixed: int) -> tuple[Eff
     (fit,) = search.fits([world], n_fixed)
     search.evidence.absent = absent
     (loss,) = search.judge.losses([fit.world])
-    if not equal(search.judge, loss, state.loss, without, search.evidence.alike, remaining=True):
+    if not equal(search.judge, loss, state.loss, neither, search.evidence.alike, remaining=True):
         return ()
     return part, *(e for name in (TOOL_MASS, TOOL_CENTRE) for e in fit.world.effects if e.effect == name)
 
 
 def equivalent_tool(scene: Scene, scale: float) -> tuple[float, float]:
-    """Return changes of the tool that act on the wrist as the held part does if its mass is multiplied by `scale`.
+    """Return changes of the tool with the same weight and leverage as multiplying the held part's mass by `scale`.
 
-    These are an added mass (kg), and a shift of the centre of mass (m, along the flange's z) within its bounds.
+    These are an added mass (kg), and a shift of the centre of mass (m, along the flange's z), cut to its bounds.
     """
     model = compiled(scene)
     data = mujoco.MjData(model)

@@ -131,9 +131,9 @@ def _info(reader: Any, topic: str, source: Path) -> Any:
     parts = topic.split("/")
     while len(parts) > 1 and parts[-1] in TAILS:
         parts.pop()
-    for beside in ("/".join([*parts, "camera_info"]), "/".join([*parts[:-1], "camera_info"])):
-        if beside in topics_of(reader, INFO):
-            return next(messages(reader, beside, INFO, source))[2]
+    for near in ("/".join([*parts, "camera_info"]), "/".join([*parts[:-1], "camera_info"])):
+        if near in topics_of(reader, INFO):
+            return next(messages(reader, near, INFO, source))[2]
     return None
 
 
@@ -193,18 +193,18 @@ def _compressed(message: Any, source: Path, topic: str) -> tuple[np.ndarray, flo
     """
     import cv2
 
-    data, said = np.frombuffer(np.ascontiguousarray(message.data).tobytes(), np.uint8), str(message.format)
-    deep = "compressedDepth" in said
-    if deep and not said.startswith("16UC1"):
+    data, form = np.frombuffer(np.ascontiguousarray(message.data).tobytes(), np.uint8), str(message.format)
+    has_header = "compressedDepth" in form
+    if has_header and not form.startswith("16UC1"):
         expected = "16UC1; compressedDepth png"
-        raise UserError(f"{topic}: unknown compression of depth", file=source, expected=expected, got=said)
-    flags = cv2.IMREAD_UNCHANGED if deep or said.startswith(("16UC1", "mono16")) else cv2.IMREAD_COLOR
+        raise UserError(f"{topic}: unknown compression of depth", file=source, expected=expected, got=form)
+    flags = cv2.IMREAD_UNCHANGED if has_header or form.startswith(("16UC1", "mono16")) else cv2.IMREAD_COLOR
     try:
-        image = cv2.imdecode(data[HEAD:] if deep else data, flags)
+        image = cv2.imdecode(data[HEAD:] if has_header else data, flags)
     except cv2.error:
         image = None
     if image is None:
-        raise UserError(f"{topic}: a picture is not a JPEG or PNG, or is cut short", file=source, got=said)
+        raise UserError(f"{topic}: a picture is not a JPEG or PNG, or is cut short", file=source, got=form)
     if image.ndim == 2:
         return image.astype(np.float32) * np.float32(DEPTH_UNIT), DEPTH_UNIT
     return np.ascontiguousarray(image[..., ::-1]), DEPTH_UNIT
