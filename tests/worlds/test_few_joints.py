@@ -2,6 +2,7 @@
 
 import pytest
 
+from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.task.world_file import load_world
 
@@ -17,10 +18,23 @@ ARM = """<mujoco><compiler angle="radian"/><worldbody><body name="base">
 """
 
 
-def test_a_world_of_it_is_refused_with_one_line(tmp_path):
-    """It cannot hold a tool at any pose: no numerical failure, and the number of joints is named."""
+@pytest.mark.parametrize("home", ["", ", home: [0, 0.8, 1]"])
+def test_a_world_of_it_is_refused_with_one_line(home, tmp_path):
+    """It cannot hold a tool at any pose, a posture of its own changes nothing: commands that take it are named."""
     (tmp_path / "arm.xml").write_text(ARM)
-    world = "format: vispeg-world/1\nname: three\nrobot: {model: arm.xml, velocity_limit: [2, 2, 2]}\n"
-    (tmp_path / "three.yaml").write_text(world)
-    with pytest.raises(UserError, match="expected six joints or more, or robot.home; got '3 joints'"):
+    robot = f"{{model: arm.xml, velocity_limit: [2, 2, 2]{home}}}"
+    (tmp_path / "three.yaml").write_text(f"format: vispeg-world/1\nname: three\nrobot: {robot}\n")
+    with pytest.raises(UserError, match="six joints or more; record, compare.* the arm's own file.*got '3 joints'"):
         load_world(tmp_path / "three.yaml")
+
+
+def test_what_the_refusal_offers_works(tmp_path):
+    """The arm's own file is recorded, and compared with what was recorded."""
+    (tmp_path / "arm.xml").write_text(ARM)
+    arm = ["--quiet", "--out"]
+    argv = ["record", str(tmp_path / "arm.xml"), "--motion", "fourier", "--duration", "4", *arm, str(tmp_path / "rig")]
+    assert main(argv) == 0
+    assert (
+        main(["compare", str(tmp_path / "arm.xml"), "--recording", str(tmp_path / "rig"), *arm, str(tmp_path / "c")])
+        == 0
+    )

@@ -20,6 +20,8 @@ ENOUGH, ROOM = 0.15, 0.2  # caps in the score: smallest singular value, share of
 ASIDE = 0.05  # m, decay length of the score with the distance of links from the vertical plane, see `_score`
 ROUND = 1e-3  # rad, to which the angles of the result are rounded
 POSE = 6  # degrees of freedom of a pose
+FEW = "an arm of so few joints cannot hold its tool at any pose, as a world needs it"
+ENOUGH_JOINTS = "six joints or more; record, compare, fit and diagnose take the arm's own file, without a world"
 
 
 def home_of(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) -> np.ndarray:
@@ -28,15 +30,14 @@ def home_of(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) 
     Raises:
         UserError: no posture within the joint limits holds the flange there, or the arm has fewer than six joints.
     """
+    if len(robot.joints) < POSE:
+        raise UserError(FEW, file=robot.name, expected=ENOUGH_JOINTS, got=f"{len(robot.joints)} joints")
     return np.array(robot.home or _solved(robot, pos, quat))
 
 
 @lru_cache(maxsize=64)  # robots are hashed by identity
 def _solved(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) -> tuple[float, ...]:
     """Solve from many starts and return the best by `_score`; deterministic for a given arm and pose."""
-    if len(robot.joints) < POSE:
-        what, expected = "an arm of so few joints cannot hold its tool at any pose", "six joints or more, or robot.home"
-        raise UserError(what, file=robot.name, expected=expected, got=f"{len(robot.joints)} joints")
     low, high = bounds(robot)
     starts = low + (high - low) * np.random.default_rng(0).random((TRIES, len(low)))
     nominal = nominal_of(robot, TRIES)
