@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+CUTOFF_HZ = 15.0  # bandwidth of an arm's motion, of which speeds and accelerations are taken
 ORDER = 4  # of the Butterworth filter, which runs forwards and backwards: gain 1 / (1 + (f/fc)^8), no phase
 SETTLE = 20  # over the cutoff as a share of Nyquist: samples of edge extension, after which transients are below 1e-9
 GAP_S = 0.020  # s: longer gaps are not interpolated

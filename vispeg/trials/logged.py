@@ -22,7 +22,7 @@ from vispeg.interface.builder import Picture
 from vispeg.interface.interface import Interface
 from vispeg.interface.observer import Observer
 from vispeg.recordings.cell import Outcome, WrenchSensor
-from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.differentiate import CUTOFF_HZ, smooth
 from vispeg.recordings.load import HEADER, load
 from vispeg.recordings.recording import Recording, in_order
 from vispeg.render.cameras.camera import Camera
@@ -31,7 +31,6 @@ from vispeg.trials.driver import Connected, Reading
 from vispeg.trials.limits import Limits
 from vispeg.trials.loop import Clock, How
 
-CUTOFF_HZ = 15.0  # bandwidth of velocities computed from angles
 OTHER = 2e-3  # m, ten times an arm's repeatability; a larger difference means that another policy made the log
 INFO, SPEED = "meta/info.json", ".vel"
 FORCE = tuple(f"{what}_{axis}" for what in ("force", "torque") for axis in "xyz")

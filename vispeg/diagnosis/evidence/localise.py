@@ -14,13 +14,12 @@ import numpy as np
 from vispeg.diagnosis.evidence.phase import phase
 from vispeg.diagnosis.schema import Failure, Peak
 from vispeg.identify.channels import Item
-from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.differentiate import CUTOFF_HZ, smooth
 from vispeg.recordings.recording import Control
 from vispeg.sim.compiled import compiled
 from vispeg.sim.nominal import Nominal
 from vispeg.sim.observer import OBSERVER, observer_spring
 
-CUTOFF_HZ = 15.0
 SERVO = 25.0  # rad/s, assumed bandwidth of a servo's unknown loop, only to convert angles to torques
 SLOW, FAST, LOADED = 0.1, 0.6, 0.7  # bounds of the regimes: shares of a joint's peak speed (two), of its peak torque
 

@@ -14,13 +14,12 @@ import numpy as np
 
 from vispeg.control.laws import position
 from vispeg.core.rules import RULES
-from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.differentiate import CUTOFF_HZ, smooth
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel
 from vispeg.sim.segments.along import gravity, inertia
 from vispeg.sim.segments.segment import Segment, segments
 
-MOTION_HZ = 15.0  # bandwidth within which the motion's acceleration is reliable
 OPEN = "{}: a drive is saturated most of the time, so the torques that its loop asked for drive the models"  # a note
 
 
@@ -53,7 +52,7 @@ def _torques(rec: Recording, robot: RobotModel, s: Segment) -> tuple[np.ndarray,
     """Return the torques (n, nj) N m that the loop commanded, and that the nominal arm needs, at control ticks."""
     grid = np.arange(s.ticks) * s.tick
     weight = gravity(s, robot)
-    _, _, ddq = smooth(grid, s.q_raw, MOTION_HZ)
+    _, _, ddq = smooth(grid, s.q_raw, CUTOFF_HZ)
     needed = np.einsum("nij,nj->ni", inertia(s, robot), ddq) + weight
     asked, time = _asked(rec)[s.rows], rec.time[s.rows] - rec.time[s.rows[0]]
     asked = np.stack([np.interp(grid, time, joint) for joint in asked.T], axis=1)
