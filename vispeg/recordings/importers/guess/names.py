@@ -41,8 +41,8 @@ OTHER = {  # quantity -> words that name it, and why it is not used
     "current": ({"current", "currents", "curr", "macur", "iq", "strom", *AMPERES} - {"ma"}, "measured torque is there, "
                 "so that currents are not"),
     "external": ({"ext", "external"}, "an estimate of external torque, not what the joint felt"),
-    "temperature": ({"temp", "temperature", "temperatur"}, "temperatures are not"),
-    "voltage": ({"voltage", "volt", "spannung"}, "voltages are not"),
+    "temperature": ({"temp", "temps", "temperature", "temperatures", "temperatur"}, "temperatures are not"),
+    "voltage": ({"voltage", "voltages", "volt", "spannung"}, "voltages are not"),
     "error": ({"error", "err", "fehler"}, "a difference follows from the others"),
     "raw": ({"counts", "ticks", "raw", "pwm"}, "raw counts: their scale is not known"),
     "jerk": ({"jerk", "dtau"}, "derivatives are not"),
@@ -82,7 +82,11 @@ class Meaning:
 
 def meaning(name: str, labels: dict[str, str]) -> Meaning:
     """Parse a column name; `labels` maps columns to their joints where these are known from elsewhere."""
-    unit, rest = _unit(re.sub(r"[\[(]\s*(m?)A\s*[\])]", lambda hit: "_milliamp" if hit[1] else "_amp", name))
+    hit = ampere(name)
+    written = (
+        name if hit is None else f"{name[: hit.start()]}_{'milliamp' if 'm' in hit[0] else 'amp'}_{name[hit.end() :]}"
+    )
+    unit, rest = _unit(written)
     words = split(rest)
     taken, quantity, said = set(), "", ""
     if "episode" in words:
@@ -115,6 +119,14 @@ def meaning(name: str, labels: dict[str, str]) -> Meaning:
         quantity, said = OF_UNIT.get(unit, "q" if "action" in words else ""), "commanded" if commanded else "measured"
     label = [w for i, w in enumerate(words) if i not in taken and w not in FILL | MEASURED | COMMANDED]
     return Meaning(name, quantity, commanded, unit, labels.get(name) or "_".join(label), said)
+
+
+def ampere(name: str) -> re.Match[str] | None:
+    """Find A or mA in a name. A lone A counts only beside a number in a current's name: joints are called A, too."""
+    hit = re.search(r"[\[(]\s*m?A\s*[\])]|(?<![A-Za-z0-9])mA(?![A-Za-z0-9])", name)
+    if hit is None and {*split(name)} & OTHER["current"][0]:
+        hit = re.search(r"(?<=\d[_ ])A(?![A-Za-z0-9])|(?<![A-Za-z0-9])A(?=[_ ]\d)", name)
+    return hit
 
 
 def bare(name: str) -> str:

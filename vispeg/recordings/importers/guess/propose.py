@@ -72,6 +72,7 @@ class Stated(TypedDict, total=False):
     joints: list[str]
     torque_sensor: str
     control: dict[str, str]
+    signals: dict[str, dict[str, str]]
 
 
 @dataclass
@@ -116,7 +117,7 @@ def propose(
     joints: Sequence[str],
     limits: Limits,
     dialect: Dialect,
-    labels: dict[str, str] | None = None,
+    labels: dict[str, str],
     *,
     order: Sequence[int] | None = None,
     rate_hz: float | None = None,
@@ -129,7 +130,7 @@ def propose(
         joints: the robot's joints.
         limits: limits of these joints; units are chosen so that angles and speeds respect them.
         dialect: cell separator and decimal mark of the table.
-        labels: column -> joint, where known from a source other than the header.
+        labels: column -> joint, where known from a source other than the name (`labelled`).
         order: for each joint, the index of its column, if the file states no order.
         rate_hz: samples per second, for a file without time stamps.
         calibration: joint -> width of its calibrated range, encoder ticks.
@@ -137,8 +138,7 @@ def propose(
     Raises:
         UserError: no column can be the time, or no columns can be the angles.
     """
-    named = _labels(table, labels or {})
-    meanings = own_names([meaning(name, named) for name in table.names], joints, table)
+    meanings = own_names([meaning(name, labels) for name in table.names], joints, table)
     out = Proposal(table.file, [], [], {}, dialect)
     there = [m for m in meanings if m.name in table.columns]
     groups = _groups([m for m in there if m.quantity in ("q", "dq", "tau")])
@@ -154,6 +154,8 @@ def propose(
         expected = "names such as q1, position_0, joint1.pos, actual_q_0; a map of your own says it otherwise"
         raise UserError("no columns look like measured angles", file=table.file, expected=expected, choices=table.names)
     out.joints = [joint for joint in joints if joint in placed["q"]]
+    if "q_cmd" not in placed and (goals := _goals(table, there, placed["q"], joints, order)):
+        placed["q_cmd"] = goals
     for signal in [s for s in placed if s != "q"]:
         if set(placed[signal]) != set(out.joints):
             lacking = [j for j in out.joints if j not in placed[signal]]
@@ -209,6 +211,28 @@ def propose(
     elif "q_cmd" in placed:
         _servo(stacks, units, out)
     return out
+
+
+def _goals(
+    table: Table,
+    meanings: Sequence[Meaning],
+    angles: Mapping[str, Meaning],
+    joints: Sequence[str],
+    order: Sequence[int] | None,
+) -> dict[str, Meaning]:
+    """Return joint -> column for commands whose names state no quantity and that the angles follow; else nothing."""
+    groups = _groups([m for m in meanings if m.commanded and not m.quantity])
+    for group in groups.values():
+        aside = Proposal(table.file, [], [], {}, Dialect())  # takes what is said of columns that may be of no use
+        placed = joint_columns(group, joints, "q_cmd", aside, order)
+        if not set(angles) <= set(placed):
+            continue
+        q, goal = (_stack(table, [columns[joint] for joint in angles]) for columns in (angles, placed))
+        ratio = slope(goal - np.nanmean(goal, axis=0), q - np.nanmean(q, axis=0))
+        if ratio is not None and any(0.5 < ratio * k < 2.0 for k in (1.0, FACTORS["deg"], 1 / FACTORS["deg"])):
+            said = "a command of no stated quantity, which the angles follow"
+            return {joint: replace(m, quantity="q", said=said) for joint, m in placed.items()}
+    return {}
 
 
 def own_names(meanings: list[Meaning], joints: Sequence[str], table: Table) -> list[Meaning]:
@@ -301,7 +325,7 @@ def _servo(stacks: dict[str, np.ndarray], units: Mapping[str, tuple[str, str]], 
     )
 
 
-def _labels(table: Table, stated: dict[str, str]) -> dict[str, str]:
+def labelled(table: Table, stated: dict[str, str]) -> dict[str, str]:
     """Find joint names in cells: `field.name0` = shoulder labels position0; `name` = [shoulder, elbow] labels all."""
     labels = dict(stated)
     for name, (_, cell) in table.text.items():
@@ -500,6 +524,8 @@ def _leftover(table: Table, meanings: list[Meaning], out: Proposal) -> None:
             out.unused[m.name] = "no numbers"
         elif m.quantity in OTHER:
             out.unused[m.name] = f"{OTHER[m.quantity][1]}{' used' if OTHER[m.quantity][1].endswith('not') else ''}"
+        elif m.commanded and not m.quantity:
+            out.unused[m.name] = "a command of no stated quantity, which the angles do not follow"
         else:
             out.unused[m.name] = "its name is of no known signal"
 

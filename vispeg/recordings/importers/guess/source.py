@@ -20,7 +20,8 @@ from vispeg.recordings.importers.fits import Needs, Scales, order_that_fits, sca
 from vispeg.recordings.importers.guess import words
 from vispeg.recordings.importers.guess.constants import KEY, Constant
 from vispeg.recordings.importers.guess.motor_side import of_motors
-from vispeg.recordings.importers.guess.propose import Line, Proposal, propose
+from vispeg.recordings.importers.guess.own import own_signals
+from vispeg.recordings.importers.guess.propose import Line, Proposal, labelled, propose
 from vispeg.recordings.importers.guess.ticks import calibration_beside, read_calibration
 from vispeg.recordings.importers.mapping import FACTORS, map_from
 from vispeg.recordings.importers.plausible import doubts
@@ -83,10 +84,10 @@ def guess(
     file = calibration or calibration_beside(source)
     ranges = None if file is None else read_calibration(file)
 
+    labels = labelled(table, _lerobot(source))
+
     def proposed(order: Sequence[int] | None = None) -> Proposal:
-        return propose(
-            table, joints, limits, dialect, _lerobot(source), order=order, rate_hz=rate_hz, calibration=ranges
-        )
+        return propose(table, joints, limits, dialect, labels, order=order, rate_hz=rate_hz, calibration=ranges)
 
     most = dict(zip(joints, limits.torque.tolist(), strict=True))
     out = proposed()
@@ -96,21 +97,24 @@ def guess(
     rec = _tried(out, table, source, joints, limits)
     needs = None if rec is None else needs_of(rec)
     if rec is None or needs is None:
-        return out if _by_constants(out, rec, None, constants, known, most) else _without_current(out)
-    if out.assumed and rec.tau is not None and not out.current:
-        better = order_that_fits(rec, needs)
-        if better is not None:
-            out = proposed(better.order)
-            mended = _tried(out, table, source, joints, limits)
-            which = ", ".join(line.column for line in out.lines if line.target.startswith("q."))
-            out.doubts.append(
-                f"another order than the file's fits the model: {better.best:.3g} N m are left in place of "
-                f"{better.given:.3g}; it is proposed: {which}"
-            )
-            rec = rec if mended is None else mended
-    found = None if rec.tau is None else scales(rec, needs)
-    if not _by_constants(out, rec, found, constants, known, most):
-        _scaled(out, found)
+        if not _by_constants(out, rec, None, constants, known, most):
+            _without_current(out)
+    else:
+        if out.assumed and rec.tau is not None and not out.current:
+            better = order_that_fits(rec, needs)
+            if better is not None:
+                out = proposed(better.order)
+                mended = _tried(out, table, source, joints, limits)
+                which = ", ".join(line.column for line in out.lines if line.target.startswith("q."))
+                out.doubts.append(
+                    f"another order than the file's fits the model: {better.best:.3g} N m are left in place of "
+                    f"{better.given:.3g}; it is proposed: {which}"
+                )
+                rec = rec if mended is None else mended
+        found = None if rec.tau is None else scales(rec, needs)
+        if not _by_constants(out, rec, found, constants, known, most):
+            _scaled(out, found)
+    own_signals(out, table, joints, labels)
     return out
 
 
@@ -234,7 +238,7 @@ def _scaled(out: Proposal, found: Scales | None) -> None:
     out.doubts.append(f"currents: {QUESTION}")
 
 
-def _without_current(out: Proposal) -> Proposal:
+def _without_current(out: Proposal) -> None:
     """Remove currents from the proposal whose scale cannot be determined."""
     if out.current:
         why = "a current, whose scale this motion does not tell: no torque"
@@ -244,7 +248,6 @@ def _without_current(out: Proposal) -> Proposal:
         out.doubts.append(f"currents: {QUESTION}")
         out.doubts = [doubt for doubt in out.doubts if not doubt.startswith("torque_sensor")]
         out.current = False
-    return out
 
 
 def _lerobot(source: Path) -> dict[str, str]:
