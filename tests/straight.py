@@ -90,7 +90,6 @@ class Straight(ContactEvidence):
         self.recordings, self.nthread, self.notes = [self.items[0].recording], 1, []
         self.absent: set[tuple[str, str]] = set()
         self._recent = []
-        self.rollouts = 0.0
 
     def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
         """Yield the residual of each world."""

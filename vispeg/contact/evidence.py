@@ -17,7 +17,7 @@ from vispeg.contact.hand import grasp, hand
 from vispeg.contact.inputs import ContactItem, Touching
 from vispeg.contact.items import driven, items_of, predicted
 from vispeg.contact.sensor import trusted
-from vispeg.contact.thin import PART, driven_blocks, pieces
+from vispeg.contact.thin import driven_blocks, pieces
 from vispeg.contact.torques import notes
 from vispeg.core.effect import Effect
 from vispeg.core.rules import RULES
@@ -56,7 +56,6 @@ class ContactEvidence(Evidence):
         self.absent: set[tuple[str, str]] = set()
         self.floor_from = "simulated repeats with the stated noise"
         self._recent = []
-        self.rollouts = 0.0
 
     @property
     def least_gain(self) -> float:
@@ -172,7 +171,6 @@ class ContactEvidence(Evidence):
         return np.concatenate([self.whiten(item, y[0]).ravel() for item, y in zip(self.items, predicted, strict=True)])
 
     def _simulated(self, worlds: Sequence[World], part: bool = False) -> list[np.ndarray]:
-        self.rollouts += len(worlds) * sum(i.path.time[-1] for i in self.items) / (PART if part else 1)
         out = [np.empty((len(worlds), *i.measured.shape)) for i in self.items]
         for rows in built_alike(worlds):
             for item, values in zip(self.items, out, strict=True):

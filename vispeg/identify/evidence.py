@@ -62,7 +62,6 @@ class Evidence(Freedom):
         items: pieces of the recordings that are compared, in the order of the residual.
         notes: messages for the user on what was left out or changed.
         floor_from: where the noise is known from, in words.
-        rollouts: seconds simulated so far.
     """
 
     def __init__(self, recordings: Sequence[Recording], *, h_max: float = 2e-3, nthread: int = 1):
@@ -88,7 +87,6 @@ class Evidence(Freedom):
         self.notes += _stops(self.recordings)
         self.floor_from = "stated noise" if all("q" in r.noise for r in recordings) else "estimated"
         self._recent: list[tuple[tuple[World, ...], list[np.ndarray]]] = []
-        self.rollouts = 0.0
 
     def at_step(self, other: Evidence) -> Evidence:
         """Return this evidence with the physics step of another one; itself if it has that already."""
@@ -171,7 +169,6 @@ class Evidence(Freedom):
     def _simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Roll out the worlds, shared between processes if that is worth it."""
         count = processes(self.nthread, len(worlds))
-        self.rollouts += len(worlds) * sum(i.segment.time[-1] for i in self.items)
         if count == 1:
             return self._rolled_out(worlds, self.nthread)
         return shared(lambda some: self._rolled_out(some, 1), worlds, [i.measured.shape for i in self.items], count)

@@ -58,7 +58,7 @@ class TorqueEvidence(Evidence):
 
     def __init__(self, recordings: Sequence[Recording], noise: np.ndarray | None = None):
         self.recordings, self.nthread, self.h_max = list(recordings), 1, 0.0  # nothing is integrated
-        self.notes, self.rollouts = list(CAVEATS), 0.0
+        self.notes = list(CAVEATS)
         self._recent = []
         noise, self.floor_from = _noise(self.recordings) if noise is None else (noise, "given")
         # One weight for all joints: the rigid model's error exceeds sensor noise by far; a newton metre counts alike.

@@ -122,7 +122,6 @@ class Restarts(Evidence):
         self.items = [replace(w, sigma=sigma) for w in self._spread(hits)]
         why = {name: NO_TOSS_HAS.get(kind.needs) for name, kind in sorted(REGISTRY.items()) if self._acts(kind)}
         self.notes = [f"{name}({model.name}) cannot be told: {said}" for name, said in why.items() if said]
-        self.rollouts = 0.0
 
     def _windows(self, rec: ObjectRecording) -> list[Windows]:
         """Return the windows of each toss, one after the other; tosses that are too short are left out."""
@@ -188,7 +187,6 @@ class Restarts(Evidence):
 
     def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Return for each toss the predicted poses at the windows' ends, (nworld, n, 6), as in `Windows.measured`."""
-        self.rollouts += len(worlds) * sum(float(np.sum(w.last - w.first)) for w in self.items) / self.rate
         return self._predicted(worlds, self.items)
 
     def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
