@@ -20,6 +20,21 @@ from vispeg.worlds.world import World
 RIGS = [str(assets() / "recordings" / name) for name in ("rig-a", "rig-b", "rig-c")]
 
 
+class Sent:
+    """Build an evidence; counts how often it is sent from this process."""
+
+    times = 0
+
+    def __call__(self):
+        """Build the evidence of the first recording."""
+        return Evidence([load(RIGS[0])])
+
+    def __reduce__(self):
+        """Count, and be built anew there."""
+        Sent.times += 1
+        return Sent, ()
+
+
 def deadly(path):
     """Build an evidence; the first worker of all is killed instead."""
     mark = Path(os.environ["VISPEG_TEST_MARK"])
@@ -38,6 +53,16 @@ def test_residuals_are_those_of_this_machine_and_a_killed_worker_costs_its_part(
     assert (tmp_path / "mark").exists(), "no worker was killed"
     for ours, theirs in zip(Evidence([load(RIGS[0])]).residuals(worlds), there, strict=True):
         np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)  # Ray starts a process in seconds, or in minutes
+def test_recordings_are_sent_once_for_all_parts(cluster):
+    """They are megabytes, and a part of the worlds is a few numbers."""
+    friction = [EffectInstance.of("coulomb_friction", "joint4", torque=0.1 * k) for k in range(1, 5)]
+    worlds = [World("iiwa14").add(e) for e in friction]
+    assert len(spread(Sent(), 4)(worlds)) == 4
+    assert Sent.times == 1
 
 
 @pytest.mark.slow

@@ -32,7 +32,7 @@ def on_ray(
     """Run jobs on a cluster, each on one core, and yield each job with its result, in any order.
 
     Args:
-        work: function that does a job; it is sent by value.
+        work: function that does a job; it is sent by value, once for all jobs.
         jobs: in the order in which they begin.
         workers: number of jobs at a time.
         what: noun for a job in error messages, such as "shard".
@@ -68,11 +68,12 @@ def _tasks(
     ray: Any, work: Callable[[J], R], jobs: Sequence[J], workers: int, what: str, tasks: int | None
 ) -> Iterator[tuple[J, R]]:
     do = ray.remote(num_cpus=1, max_retries=0, max_calls=tasks or 0)(_call)
+    sent = ray.put(work)  # once for all jobs: it may hold recordings
     remaining, waiting, deaths = list(range(len(jobs))), {}, [0] * len(jobs)
     while remaining or waiting:
         while remaining and len(waiting) < max(1, workers):
             number = remaining.pop(0)
-            waiting[do.remote(work, jobs[number])] = number
+            waiting[do.remote(sent, jobs[number])] = number
         ready, _ = ray.wait(list(waiting), num_returns=1)
         for reference in ready:
             number = waiting.pop(reference)
