@@ -111,7 +111,7 @@ def test_one_recording_judges_on_its_own_end(vispeg, swings, refused, tmp_path):
     record = found(tmp_path / "d")
     assert [e["effect"] for e in record["effects"]] == ["coulomb_friction"]
     assert record["ladder"][-1]["heldout_error"] < 0.1 * record["ladder"][0]["heldout_error"]
-    refused([*command, "--validate", "c", "--out", "e"], "--hold-out", "no --validate")
+    refused([*command, "--validate", "c", "--out", "e"], "--hold-out: cannot be combined with --validate")
 
 
 def test_the_next_motions_file_is_named_where_it_was_written(tmp_path):

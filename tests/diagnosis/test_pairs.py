@@ -73,7 +73,7 @@ def test_a_servo_and_a_limit_are_found_together_where_nothing_passes_alone(searc
 
 def test_a_pair_promises_what_a_rollout_at_its_guesses_removes(search):
     state = search.start(World(pendulum().source))
-    found = pairs(search, state, state.missing)
+    found = pairs(search, state, search.missing(state.world))
     assert [s.gain for s in found] == sorted((s.gain for s in found), reverse=True) and found[0].gain > 0
     starts = [[(e.effect, *(v.value for v in e.params.values())) for e in s.members] for s in found]
     assert len({str(s) for s in starts}) == len(starts), "each start once"
@@ -142,10 +142,10 @@ def test_it_is_not_asked_for_where_nothing_passes_at_a_bound(driven):
 
 def test_what_every_arm_has_is_one_candidate_with_more_than_its_best_member(driven):
     state = driven.start(World(pendulum().source))
-    (score,) = all_common(driven, state, state.missing)
+    (score,) = all_common(driven, state, driven.missing(state.world))
     alone = driven.screened_alone(
-        state.world, state.residual, None, [(e.effect, e.where) for e in score.members], state.missing
+        state.world, state.residual, None, [(e.effect, e.where) for e in score.members], driven.missing(state.world)
     )
     assert score.gain > max(s.gain for s in alone) and {e.where for e in score.members} == {"hinge"}
     none_left = driven.start(World(pendulum().source, None, score.members))
-    assert not all_common(driven, none_left, none_left.missing)
+    assert not all_common(driven, none_left, driven.missing(none_left.world))

@@ -108,7 +108,7 @@ def test_a_tolerance_is_the_tasks_own_setting(catch, capsys):
     world = load_world(catch)
     assert with_tolerance(world.task, 0.25) == {"play_mm": 0.25} and with_tolerance({}, 2.0) == {"clearance_mm": 2.0}
     assert with_tolerance(world.task, None) == {} == at_tolerance(entrants(["expert"]), world, None)
-    with pytest.raises(UserError, match="tolerance: this task has none"):
+    with pytest.raises(UserError, match="tolerance: this task has no tolerance"):
         with_tolerance({"name": "catch:Bare"}, 1.0)
     with pytest.raises(UserError, match="did you mean 'play_mm'"):
         check_names(["gap"], (), kind_of(world.task))

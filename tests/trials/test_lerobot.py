@@ -60,7 +60,7 @@ def test_a_robot_that_measures_no_force_runs_where_that_is_said(tmp_path):
             Limits(no_force_limit=True),
             "the policy observes force and torque, but the robot measures neither",
         ),
-        (told, Limits(), "no limit of force can act; expected no_force_limit"),
+        (told, Limits(), "no force limit can act; expected no_force_limit"),
     ):
         with pytest.raises(UserError, match=named):
             run_episode(Down(), interface, robot, who, 1, How(limits), clock=robot, watch=False)

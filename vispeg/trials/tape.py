@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,6 @@ from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.image_kinds import camera_of
 from vispeg.trials.trial import Steps
-from vispeg.vision.eye import recorded_of
 
 DEPTH_UNIT = 1e-4  # m: 16 bits reach 6.5 m, at a tenth of a depth camera's resolution
 
@@ -143,6 +141,11 @@ class Tape:
 
 def recorded(camera: Camera, name: str) -> RecordedCamera:
     """Return a camera in a recording's form; without a pose unless it is mounted on the flange or the base."""
-    if camera.parent in ("base", "flange"):
-        return replace(recorded_of(camera, DEPTH_UNIT), name=name)
-    return replace(recorded_of(replace(camera, parent="base"), DEPTH_UNIT), name=name, mount=None, pose=None)
+    c, mount, pose = camera, None, None
+    if c.parent in ("base", "flange"):
+        mount, pose = c.parent, np.eye(4)
+        pose[:3, :3], pose[:3, 3] = c.rotation, c.pos
+    k1, k2, p1, p2, k3 = c.distortion
+    return RecordedCamera(
+        name, c.width, c.height, c.fx, c.fy, c.cx, c.cy, (k1, k2, p1, p2, k3), DEPTH_UNIT, mount, pose
+    )

@@ -75,7 +75,7 @@ class Search(Loop, Shown, Proposals):
             state.take(fit, loss)
             state.opened, state.cross = fit.world, self.cross.loss_of(fit, fit.residual)
             return state
-        state.missing, state.cross = self.missing(world), self.cross.loss(residual)
+        state.cross = self.cross.loss(residual)
         return state
 
     def announce(self, state: State) -> None:

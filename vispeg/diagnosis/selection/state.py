@@ -12,7 +12,6 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance
-from vispeg.diagnosis.evidence.localise import MissingTorque
 from vispeg.diagnosis.findings import Score, Trial
 from vispeg.identify.fit import Fit
 from vispeg.worlds.world import World
@@ -31,7 +30,6 @@ class State:
         steps: for each step the trial that was accepted, and all trials.
         last: trials of the last step, if it accepted none.
         screening: scores of the last screening.
-        missing: missing torque of the fitted recordings at the start.
         opened: the user's model with its partial effects fitted anew; None if it has none.
         cross: cross-fitted loss on the fitted recordings (`Cross`).
         cast_out: removals of suspected aliases that were tried: label of the world, then of the removed effects.
@@ -46,7 +44,6 @@ class State:
     steps: list[tuple[Trial, list[Trial]]] = field(default_factory=list)
     last: list[Trial] = field(default_factory=list)
     screening: list[Score] = field(default_factory=list)
-    missing: list[MissingTorque] = field(default_factory=list)
     opened: World | None = None
     cross: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     cast_out: set[tuple[str, ...]] = field(default_factory=set)
