@@ -333,3 +333,7 @@ def test_the_terminals_table_says_of_each_effect_how_sure_its_name_is():
     column = [c.head for c in sheet.columns].index("Name")
     assert [row[column] for row in sheet.rows] == ["named", "tentative", "1 of 3"]
     assert "Name" not in [c.head for c in effects_table({"effects": effects}).columns], "a fit names nothing"
+
+
+def test_a_value_that_rounds_to_nothing_has_no_sign():
+    assert interval(-1e-9, -0.5, 0.5) == ("0.00", "−0.50 to 0.50")

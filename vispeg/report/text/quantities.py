@@ -28,7 +28,7 @@ def plain(value: Any, digits: int = 3) -> str:
     if size < -4 or size > 5:
         mantissa, exponent = f"{x:.{digits - 1}e}".split("e")
         return f"{mantissa}e{int(exponent)}".replace("-", "−")
-    return f"{x:.{max(0, digits - 1 - size)}f}".replace("-", "−")
+    return f"{x:z.{max(0, digits - 1 - size)}f}".replace("-", "−")
 
 
 def prefix(size: float | None, unit: str) -> tuple[float, str]:
@@ -72,7 +72,7 @@ def interval(value: Any, low: Any, high: Any) -> tuple[str, str]:
     decimals = 1 - math.floor(math.log10((b - a) / 2))
     if decimals > 6 or max(abs(x), abs(a), abs(b)) >= 1e6:
         return plain(x, 4), f"{plain(a, 4)} to {plain(b, 4)}"
-    text = [f"{v:.{max(0, decimals)}f}".replace("-", "−") for v in (x, a, b)]
+    text = [f"{v:z.{max(0, decimals)}f}".replace("-", "−") for v in (x, a, b)]
     return text[0], f"{text[1]} to {text[2]}"
 
 
