@@ -11,6 +11,7 @@ import pytest
 import trimesh
 from rendered import LAYOUT, PLAN, source
 
+from vispeg.core.errors import UserError
 from vispeg.datasets.check import check
 from vispeg.datasets.formats.models import described
 from vispeg.datasets.formats.registry import export
@@ -89,6 +90,22 @@ def test_every_file_that_is_none(folder):
         found[what] = mutations.tried(lambda: check(folder))
     assert not mutations.unclear(found)
     assert all(how != "fine" for what, how in found.items() if "rgb" in what and "flipped" not in what)
+
+
+@pytest.mark.parametrize("kind", ["folder"], indirect=True)
+def test_the_key_or_row_at_fault_is_named(folder):
+    path = folder / "dataset.json"
+    whole = path.read_text()
+    for key in ("parts", "plan"):
+        path.write_text(json.dumps(json.loads(whole) | {key: 3}))
+        with pytest.raises(UserError, match=f"{key}: not a "):
+            check(folder)
+    path.write_text(whole)
+    table = folder / "episode-00000/frames.csv"
+    heads, first, second, *others = table.read_text().splitlines()
+    table.write_text("\n".join([heads, first, f"{second},1", *others]))
+    with pytest.raises(UserError, match=f"row 2 has {len(second.split(',')) + 1} cells"):
+        open_dataset(folder).read(0)
 
 
 def test_wrong_depth_is_found_and_a_dropped_frame_is_no_fault(folder, kind):

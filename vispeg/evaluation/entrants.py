@@ -1,4 +1,4 @@
-"""The policies that are evaluated, each with the name, modality and training seed of its episodes."""
+"""The policies to evaluate: each has a name, an observation modality and the seed that it was trained with."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from vispeg.task.world_file import built_in, parts
 EXPERT = "expert"  # name of a task's scripted policy
 # A text, a path, an object that acts, a mapping of names to these, or a sequence of these.
 Policies = str | Path | Sequence[str | Path] | Any
-TRAINING = "S"  # the frozen training world; policies may know its parts
+TRAINING = "S"  # the frozen training world; any policy may have been trained with its parts
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def entrant(text: str) -> Entrant:
 
 
 def _own(name: str, source: Any) -> Entrant:
-    """Return a user's own policy. Raises UserError where it is not a policy, or its observation does not exist."""
+    """Return a user's own policy. Raises UserError if it is not one, or if what it observes is unknown or forbidden."""
     target = own.made(source)
     mode, task = own.observes(target, name)
     path, action = own.origin(source), own.acts(source, target)
@@ -174,10 +174,10 @@ def refuse_trained_on(
     source: str | Path | None = None,
     training: str | Path = TRAINING,
 ) -> None:
-    """Refuse policies whose training already saw the target world, so that their success there is no transfer.
+    """Refuse policies that were trained in the target world or with parts of it: success there would not be transfer.
 
-    A policy saw it if it was trained or fine-tuned in it, or in another world with one of its held-out parts. For
-    example, V and VNP share looks, and P and VNP share a plant.
+    Training includes fine-tuning, and only held-out parts count. For example, a policy trained in V is refused for VNP,
+    which has the same looks; so is one trained in P, which has the same plant.
 
     Args:
         who: the policies.
@@ -186,7 +186,7 @@ def refuse_trained_on(
         training: the comparison's training world; its parts and those of S are not held out.
 
     Raises:
-        UserError: a policy saw the target; the error names the shared parts.
+        UserError: a policy was trained in the target or with parts of it; the error names the shared parts.
     """
     if source is None and world in built_in():
         source = world

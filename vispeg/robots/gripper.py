@@ -116,8 +116,9 @@ def _read(path: Path, stamp: int) -> Gripper:
     site = model.site(GRASP).id
     at, axis = data.site_xpos[site], data.site_xmat[site].reshape(3, 3)[:, 2]
     if np.hypot(*at[:2]) > STRAIGHT or axis[2] < 1 - STRAIGHT or at[2] <= 0:
-        expected = "on the z axis of the file, above 0, its z axis along it"
-        raise UserError("what it holds is not straight ahead", file=path, key=GRASP, expected=expected, got=at.round(5))
+        expected = "a position on the file's z axis with z > 0, and the site's z axis along the file's"
+        what = "the site is off the flange's axis, not in front of it, or tilted"
+        raise UserError(what, file=path, key=GRASP, expected=expected, got=at.round(5))
     mass = float(model.body_mass.sum())
     if not model.ngeom or mass <= 0:
         raise UserError("no gripper", file=path, expected="shapes with a mass, or bodies with an <inertial>")

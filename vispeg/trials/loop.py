@@ -25,9 +25,8 @@ from vispeg.trials.limits import STOPPED, WATCHDOG, WORKSPACE, Limits
 from vispeg.trials.tape import Tape
 from vispeg.trials.trial import HowPart, OutcomePart, PolicyPart, Said, StartPart, TimingPart, Trial, WorldPart
 
-REST = (
-    1.2  # s at rest in free air; with less, `compare` and `diagnose` could use neither joints (1 s) nor wrench (0.3 s)
-)
+# s at rest in free air: `compare` and `diagnose` need 1 s of it to use the joints, 0.3 s to use the wrench.
+REST = 1.2
 SILENCE = 0.25  # s without a new reading after which the arm stops, less than two policy steps
 
 

@@ -87,16 +87,18 @@ class Plain(Stored):
         if not number(record["fps"]) or record["fps"] <= 0:
             raise UserError("not a rate", file=path, key="fps", expected="frames a second", got=record["fps"])
         parts, plan = record.get("parts", []), record.get("plan", {})
-        if not isinstance(parts, list) or not all(isinstance(p, str) for p in parts) or not isinstance(plan, dict):
-            raise UserError("not a list of names, or not a plan", file=path, key="parts", got=parts)
+        if not isinstance(parts, list) or not all(isinstance(p, str) for p in parts):
+            raise UserError("not a list of names", file=path, key="parts", got=parts)
+        if not isinstance(plan, dict):
+            raise UserError("not a mapping", file=path, key="plan", got=plan)
         self.features, self.parts, self.info = record["features"], tuple(parts), record
         self.made = {"plan": {key: str(value) for key, value in plan.items()}}
         stored = load_cameras(self.folder / CAMERAS) if is_file(self.folder / CAMERAS) else ()
         self.cameras = {camera.name: camera for camera in stored}
         self.episodes = self._episodes()
         if len(self) != record["total_frames"]:
-            got = record["total_frames"]
-            raise UserError("not those of the episodes", file=path, key="total_frames", expected=len(self), got=got)
+            what, got = "not the sum of the episodes' lengths", record["total_frames"]
+            raise UserError(what, file=path, key="total_frames", expected=len(self), got=got)
 
     def _episodes(self) -> list[Stretch]:
         out, first = [], 0
@@ -134,8 +136,11 @@ def _columns(path: Path, length: int) -> dict[str, list[str]]:
         heads, *rows = csv.reader(io.StringIO(read_text(path, 256 * MB), newline=""))
     except csv.Error as error:
         raise UserError("is not CSV", file=path, got=str(error)) from None
-    if len(rows) != length or any(len(row) != len(heads) for row in rows):
-        raise UserError(f"has {len(rows)} rows", file=path, expected=f"{length}, as long as the heads")
+    if len(rows) != length:
+        raise UserError(f"has {len(rows)} rows", file=path, expected=f"{length}, the episode's length")
+    for i, row in enumerate(rows, 1):
+        if len(row) != len(heads):
+            raise UserError(f"row {i} has {len(row)} cells", file=path, expected=f"{len(heads)}, one per column")
     return dict(zip(heads, map(list, zip(*rows, strict=True)), strict=True))
 
 

@@ -186,9 +186,9 @@ def _joints_said(robot: float, recordings: Sequence[Recording]) -> str:
     """Return a clause on the joint error assumed in each frame, compared with the recordings' stated encoder noise."""
     if not robot:
         return ""
-    said = f"; that is with the joints {1e3 * robot:.2g} mrad off in each frame (1 sigma), by the pictures alone"
+    said = f"; this assumes joint errors of {1e3 * robot:.2g} mrad in each frame (1 sigma), estimated from the pictures"
     stated = max((float(rec.noise.get("q", 0.0)) for rec in recordings), default=0.0)
-    return said + (f": {robot / stated:.0f} times the encoders' stated noise" if robot > stated > 0 else "")
+    return said + (f", {robot / stated:.0f} times the encoders' stated noise" if robot > stated > 0 else "")
 
 
 def _channel(judged, before: float, after: float) -> Channel:
@@ -220,5 +220,5 @@ def _notes(evidence, lost: float) -> list[str]:
             f"{100 * lost:.0f} % of the predicted borders have no clear edge in the pictures: too alike in colour"
         )
     if lost > RULES.lost and any(i.sight.depth(0) is None for i in evidence.items):
-        out.append("frames with depth are brought onto the cell from farther off, and more surely, than colour alone")
+        out.append("depth in every frame would let larger camera errors be found, and more reliably, than colour alone")
     return out

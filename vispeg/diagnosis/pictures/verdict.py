@@ -1,4 +1,4 @@
-"""Verdict on pictures; the remaining error decides before the effects found."""
+"""Decide the verdict on pictures: `unexplained` if an error remains, whatever effects were found."""
 
 from __future__ import annotations
 
@@ -39,25 +39,25 @@ def decide(
         lost: share of predicted borders without an edge in the held-out pictures.
         moved: the object whose position differs most between held-out and fitted recordings, and the distance, mm;
             None if none is visible in both.
-        field: RMS px shift of the edges that depends on image position, common to all frames, left by the freest model.
+        field: shift of the edges, RMS px, that depends on image position alone and that the alignment could not remove.
     """
     convincing = [x for x in remainder if _convinces(x)]
     if field >= RULES.visible_px:
-        text = f"edges are shifted by {field:.1f} px (RMS) that follow the place in the image, in all frames alike, "
-        text += "and not the joints: a smear or streak on the lens, or a lens of another form"
+        text = f"edges are shifted by {field:.1f} px (RMS), by amounts that depend on their position in the image "
+        text += "and not on the frame: a smear or streak on the lens, or a lens that the model cannot describe"
         return _left(text, convincing)
     if convincing:
         top = convincing[0]
         return _left(f"{top.size:.1f} px are left that no known effect explains; they depend on {_on(top)}", convincing)
     if halves is not None and halves.disagree:
         return _left(
-            f"two halves of the views differ by {halves.difference:.2f} px where {halves.uncertainty:.2f} px are their "
-            "uncertainty: no model of this form fits both"
+            f"fits to two halves of the views differ by {halves.difference:.2f} px, with an uncertainty of "
+            f"{halves.uncertainty:.2f} px: no model of this form fits both"
         )
     if lost > RULES.lost:
         far = f"{100 * SHIFTS.max():.0f} cm and {np.degrees(TURNS.max()):.0f} degrees"
         text = f"{100 * lost:.0f} % of the predicted borders have no edge near them in the pictures: they show another "
-        return _left(text + f"cell, or a camera that is farther off than the {far} within which it is looked for")
+        return _left(text + f"cell, or the camera is outside the search range of {far} about its nominal pose")
     if moved is not None and moved[1] > 1e3 * RULES.moved_sigma * RULES.thing_known[0]:
         text = f"the {moved[0]} stands {moved[1]:.1f} mm elsewhere in the held-out recordings than in the fitted ones"
         return _left(f"{text}: what stands in the cell was moved in between")
@@ -94,14 +94,14 @@ def _convinces(x: Left) -> bool:
 
 
 def with_sensor(borders: Verdict, sensed: Sequence[Sensed]) -> Verdict:
-    """Return the verdict on borders combined with the sensor search; a remaining error decides there, too."""
+    """Return the verdict on borders combined with the sensor search: `unexplained` if either leaves an error."""
     if borders.verdict == "unexplained":
         return borders
     for s in sensed:
         figure, before, after = s.worst
         if unexplained(before**2, after**2, len(s.added)):
-            text = f"{s.kind}: {figure} is {after:.1f} times as far off as good cameras differ, and no known effect "
-            return _left(text + "explains it")
+            text = f"{s.kind}: {figure} deviates {after:.1f} times as much as between good cameras, and no known "
+            return _left(text + "effect explains it")
     added = [s for s in sensed if s.added]
     if not added:
         return borders

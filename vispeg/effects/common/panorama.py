@@ -20,9 +20,7 @@ KEY = 0.18  # the middle grey that a picture's average is brought to
 
 @lru_cache(maxsize=4)
 def directions(size: int) -> np.ndarray:
-    """Give the unit vectors (6 size, size, 3) in the world frame that the texels of a skybox lie in, faces in
-    MuJoCo's order.
-    """
+    """Give unit vectors (6 size, size, 3) towards the texels of a skybox, world frame, faces in MuJoCo's order."""
     t = (np.arange(size) + 0.5) / size * 2 - 1
     y, x = np.meshgrid(t, t, indexing="ij")
     ones = np.ones_like(x)

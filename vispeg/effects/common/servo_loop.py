@@ -2,9 +2,10 @@
 
 `tau = J (w^2 (K goal - q) - 2 zeta w dq)`: on a joint of inertia J without load that is the standard second-order
 system with natural frequency w, damping ratio zeta and static gain K. J is the nominal arm's apparent inertia at
-the joint, the mean over its postures, so that the loop keeps its stiffness J w^2 in N m/rad where the inertia varies or
-is another one. Source: Franklin, Powell and Emami-Naeini, Feedback Control of Dynamic Systems, 7th ed., sec.
-3.3, eq. (3.55).
+the joint, averaged over its postures. It is a constant: the stiffness J w^2 in N m/rad does not change with the arm's
+posture, load or true inertia.
+
+Source: Franklin, Powell and Emami-Naeini, Feedback Control of Dynamic Systems, 7th ed., sec. 3.3, eq. (3.55).
 
 A servo of which nothing is known is taken as a fast one, critically damped, that follows its goal within 15 ms.
 """
@@ -42,8 +43,8 @@ class ServoLoop:
     def torque(self, goal, q, dq, inertia, last, x) -> np.ndarray:
         """Mean torque (nsim, nj) in N m over the step that comes, by the implicit midpoint rule: stable at any step.
 
-        The acceleration over the step is the last one's, and what the change of torque adds to it: a joint that dry
-        friction holds so feels the loop's static torque exactly.
+        The acceleration over the step is taken as that of the last step plus the change of torque over the inertia.
+        Thus the torque at a joint that dry friction holds at rest settles exactly at the loop's static torque.
 
         Args:
             goal, q, dq: (nsim, nj) rad, rad, rad/s, what the loop is asked for and reads.

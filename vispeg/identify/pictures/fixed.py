@@ -1,4 +1,4 @@
-"""Derivatives to the parameters of the freest model, from which the robot's errors have to be separated."""
+"""Derivatives to the parameters that the alignment freed, from which the robot's errors have to be separated."""
 
 from __future__ import annotations
 

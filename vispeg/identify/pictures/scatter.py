@@ -25,7 +25,7 @@ CELLS = (6, 5)  # of the image, across and down: correlation length of a smear, 
 
 @dataclass(frozen=True)
 class Scatter:
-    """Standard deviations of errors that the freest model does not describe.
+    """Standard deviations of errors that the aligned model does not describe.
 
     Attributes:
         robot: of each joint's angle in each frame, rad.
