@@ -185,7 +185,7 @@ def test_what_the_joints_are_taken_to_be_off_by_is_said_beside_their_noise():
         Path("x"), "iiwa14", SCENE.joints, 100.0, Control(), np.zeros(2), np.zeros((2, 7)), noise={"q": 2e-5}
     )
     assert _joints_said(1.0e-3, [rec]).endswith(
-        "1 mrad off in each frame (1 sigma), by the pictures alone: 50 times the encoders' stated noise"
+        "1 mrad in each frame (1 sigma), estimated from the pictures, 50 times the encoders' stated noise"
     )
     assert "stated" not in _joints_said(1.0e-3, [replace(rec, noise={})]) and _joints_said(0.0, [rec]) == ""
     assert max(robots()) == RULES.posture_frame  # no more than an arm errs that nobody calibrated
