@@ -65,7 +65,7 @@ def test_what_a_wrong_form_moves_values_by_in_any_direction_is_their_error():
     way = rng.normal(size=(3, 20_000))
     form = np.linalg.qr(own)[0] @ (0.1 * np.linalg.norm(trace) * way / np.linalg.norm(way, axis=0))
     moved = np.linalg.lstsq(own, form, rcond=None)[0].std(axis=1)
-    error = absorbed(fit, 1.96 * 0.1)
+    error = absorbed(fit, 0.1)
     for axis, one_sigma in zip(fit.space.axes, moved, strict=False):
         unit = 1.0 if axis.param.scale == "log" else axis.unit
         assert error(0, axis.name) == pytest.approx(1.96 * one_sigma * unit, rel=0.02)

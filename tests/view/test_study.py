@@ -5,13 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from loops import ARM, drive, recorded
 
 from vispeg.api.diagnose import diagnose
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
 from vispeg.diagnosis.beginning import ANEW
 from vispeg.recordings.load import load
 from vispeg.recordings.write import write
+from vispeg.robots.model import load as robot_of
 from vispeg.view.diagnose.standing import Standing
 from vispeg.view.diagnose.study import STEPS, Study
 from vispeg.worlds.model_file import load_model, model_text
@@ -68,6 +71,29 @@ def test_the_search_by_itself_ends_with_the_model_of_the_command(rigs, tmp_path)
     command = diagnose(str(rigs / "arm.xml"), [rigs / "rig-a", rigs / "rig-b"], rigs / "rig-c", threads=1)
     assert made.state.world.label == command.world.label
     assert made.state.world.values == command.world.values
+
+
+@pytest.mark.slow
+def test_several_effects_that_torques_propose_are_found_as_by_the_command(tmp_path):
+    (tmp_path / "arm.xml").write_text(ARM)
+    robot = robot_of(tmp_path / "arm.xml")
+    world = World().add(
+        EffectInstance.of("coulomb_friction", "shoulder", torque=0.5),
+        EffectInstance.of("viscous_friction", "elbow", damping=0.5),
+        EffectInstance.of("cable_spring", "shoulder", stiffness=2.0, reference=0.2),
+    )
+    for i, name in enumerate(("rig-a", "rig-b", "rig-c")):
+        swing = 1 - np.cos(2 * np.pi * np.outer(np.arange(600) * 5e-3, [0.7 + 0.2 * i, 1.1 - 0.2 * i]))
+        s = drive(robot, "position", 0.0, command=0.4 * swing, seconds=3.0, rate=200.0, kp=60.0, kd=4.0)
+        write(recorded(robot, robot.source, world, s, stream(5, i)), tmp_path / name)
+    made = study(tmp_path, tmp_path / "out")
+    made.run()
+    sides = [tmp_path / "rig-a", tmp_path / "rig-b"], tmp_path / "rig-c"
+    command = diagnose(str(tmp_path / "arm.xml"), *sides, threads=1)
+    assert {e.label for e in command.world.effects} == {e.label for e in world.effects}
+    assert made.state.world.values == command.world.values
+    (whole,) = [t for t in made.state.steps[0][1] if t.score.beside]
+    assert {e.label for e in whole.score.members} >= {e.label for e in world.effects}
 
 
 @pytest.mark.slow

@@ -136,6 +136,11 @@ def propose(world: World, fitted: Sequence[Recording], held_out: Sequence[Record
     return linear.proposal(*linear.search())
 
 
+def placed(proposal: Proposal | None) -> list[EffectInstance]:
+    """Return the effects of a proposal, by decreasing share; none without one."""
+    return [] if proposal is None else [n.placed for n in proposal.named]
+
+
 class _Side:
     """The fitted or the held-out recordings as n rows of the linear model.
 

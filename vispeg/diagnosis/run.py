@@ -23,7 +23,7 @@ from vispeg.diagnosis.evidence.remainder import dependences, sizes
 from vispeg.diagnosis.evidence.roles import recast
 from vispeg.diagnosis.findings import Verdict
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.proposal import propose
+from vispeg.diagnosis.proposal import placed, propose
 from vispeg.diagnosis.record import (
     candidates,
     channels,
@@ -98,15 +98,14 @@ def diagnose(
     if proposal is not None:
         likely(proposal.record)
     judge = Judge(judged)
-    proposed = [] if proposal is None else [n.placed for n in proposal.named]
-    search = Search(evidence, judge, say, progress, proposed)
+    search = Search(evidence, judge, say, progress, lambda: placed(proposal))
     begin = of_joints(world, [*fitted, *held_out], evidence.unit)
     world, n_given, n_fixed = begin.world, begin.n_given, begin.n_fixed
     rung = (begin.label, begin.first) if begin.read else None
     before_held = judged.residuals([world])[0]
     state = search.start(begin.first, n_fixed) if within(judged, begin.first) else search.run(begin.first, n_fixed)
     rivals = settled(search, state, n_fixed, say)
-    model = _finer(search, state, n_fixed)
+    model = finer(search, state, n_fixed)
     after_held = judged.residuals([model.world])[0]
     before, after = judge.mean(judge.loss(before_held)), judge.mean(model.loss)
     before_missing, after_missing = search.missing(world), search.missing(state.world)
@@ -200,7 +199,7 @@ def diagnose(
     return Diagnosis(record, final, drawing | more)
 
 
-def _finer(search: Search, state: State, n_fixed: int) -> State:
+def finer(search: Search, state: State, n_fixed: int) -> State:
     """Return the state with values fitted at the judge's physics step, with the derivatives that the search had."""
     judged = search.judge.evidence
     evidence = search.evidence.at_step(judged)

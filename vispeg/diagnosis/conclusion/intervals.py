@@ -18,12 +18,10 @@ Error = Callable[[int, str], float]  # (index of an effect in the world, paramet
 
 
 def share_left(before: float, after: float) -> float:
-    """Return the 95 % relative error of a value whose trace is proportional to it: Z times the ratio of the excess
-    amplitudes over noise, after to before; 0 if there was nothing to explain.
-    """
+    """Return the ratio of the excess amplitudes over noise, after to before; 0 if there was nothing to explain."""
     if before <= max(1.0, after):
         return 0.0
-    return Z * float(np.sqrt(max(after - 1.0, 0.0) / (before - 1.0)))
+    return float(np.sqrt(max(after - 1.0, 0.0) / (before - 1.0)))
 
 
 def absorbed(fit: Fit, share: float) -> Error:
@@ -37,7 +35,7 @@ def absorbed(fit: Fit, share: float) -> Error:
 
     Args:
         fit: with derivatives to optimizer coordinates.
-        share: see `share_left`; with its factor Z.
+        share: of the error that the model leaves (`share_left`).
     """
     jacobian, axes = fit.jacobian, fit.space.axes
     found: dict[tuple[int, str], float] = {}
@@ -45,30 +43,24 @@ def absorbed(fit: Fit, share: float) -> Error:
         own = [i for i, a in enumerate(axes) if a.index == index]
         kind, columns = effect(fit.world.effects[index].effect), jacobian[:, own]
         sizes = [i for i in own if axes[i].name in kind.magnitudes]
-        trace = jacobian[:, sizes] @ np.array([_size(fit, i) for i in sizes])
+        trace = jacobian[:, sizes] @ np.array([_away(fit.world, index, axes[i].name) / axes[i].unit for i in sizes])
         inverse = np.diag(np.linalg.pinv(columns.T @ columns))
-        half = share * np.linalg.norm(trace) * np.sqrt(np.maximum(inverse, 0.0) / len(own))
+        half = Z * share * np.linalg.norm(trace) * np.sqrt(np.maximum(inverse, 0.0) / len(own))
         for i, h in zip(own, half, strict=True):
-            a = axes[i]
-            found[index, a.name] = float(h * (1.0 if a.param.scale == "log" else a.unit))
+            found[index, axes[i].name] = float(h * axes[i].unit)
     return lambda index, name: found.get((index, name), 0.0)
-
-
-def _size(fit: Fit, i: int) -> float:
-    """Return the distance of a value from null, in optimizer units; on a log scale 1, as null may be out of reach."""
-    axis = fit.space.axes[i]
-    return 1.0 if axis.param.scale == "log" else float(fit.u[i]) - fit.space.forward(axis.param.null, axis)
 
 
 def proportional(world: World, share: float) -> Error:
     """Return such errors where derivatives say little: a share of each value's distance from null."""
+    return lambda index, name: Z * share * abs(_away(world, index, name))
 
-    def error(index: int, name: str) -> float:
-        placed = world.effects[index]
-        p = effect(placed.effect).params[name]
-        return share * (1.0 if p.scale == "log" else abs(placed.params[name].value - p.origin))
 
-    return error
+def _away(world: World, index: int, name: str) -> float:
+    """Return the signed distance of a value from null; on a log scale 1, as null may be out of reach."""
+    placed = world.effects[index]
+    p = effect(placed.effect).params[name]
+    return 1.0 if p.scale == "log" else placed.params[name].value - p.origin
 
 
 def of_form(evidence: Evidence, fit: Fit | None, before: float, after: float) -> Error:

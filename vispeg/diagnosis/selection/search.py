@@ -39,7 +39,7 @@ class Search(Loop, Shown, Proposals):
         evidence, judge: fitted, and of the held-out recordings.
         say: called with progress messages.
         progress: caches answers.
-        proposed: effects that torques call for (`proposal`); several of them are one candidate of the first step.
+        proposed: gives the effects that torques call for (`proposal`); several are one candidate of the first step.
     """
 
     @property
@@ -53,7 +53,7 @@ class Search(Loop, Shown, Proposals):
         judge: Judge,
         say: Callable[[str], None] = lambda _: None,
         progress: Progress | None = None,
-        proposed: Sequence[EffectInstance] = (),
+        proposed: Callable[[], Sequence[EffectInstance]] = tuple,
     ):
         super().__init__(evidence, judge, progress or Progress())
         self.say, self.proposed = say, proposed
@@ -134,9 +134,10 @@ class Search(Loop, Shown, Proposals):
 
     def _try_proposed(self, state: State, n_fixed: int, tested: int) -> list[Trial]:
         """Fit and judge the set that torques call for; nothing of one effect, which is a candidate of its own."""
-        if len(self.proposed) < 2:
+        proposed = self.proposed()
+        if len(proposed) < 2:
             return []
-        first, *beside = self.proposed
+        first, *beside = proposed
         return self.try_all(state, [Score(first, 0.0, tuple(beside))], n_fixed, tested)
 
     def arrived(self, trials: Sequence[Trial]) -> bool:

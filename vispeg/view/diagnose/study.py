@@ -182,6 +182,8 @@ class Study:
         """Let the search take steps by itself until no more follow."""
         while self.advance():
             pass
+        self.state = self.subject.last_values(self._searching()[1], self.n_fixed)
+        self.show()
 
     def picture(self, track: int, moment: float, camera: str) -> None:
         """Send a camera's frame nearest to a moment (s) of a track, beside the model's rendering of it.
