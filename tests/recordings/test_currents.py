@@ -94,7 +94,7 @@ def test_constants_count_where_the_motion_tells_no_scale(tmp_path, arm):
 def test_without_constants_the_scale_is_the_models_and_they_are_asked_for(tmp_path, arm):
     rec, guessed = taken(log(tmp_path, "current", GIVEN / 12.0), arm, tmp_path / "rig")
     assert np.polyfit(GIVEN[:, 1], rec.tau[:, 1], 1)[0] == pytest.approx(1, abs=0.05)
-    assert "do not lean on the model's masses: --torque-constants" in str(guessed)
+    assert "without the use of the model's masses: --torque-constants" in str(guessed)
 
 
 def test_constants_that_do_not_fit_the_motion_are_said(tmp_path, arm):

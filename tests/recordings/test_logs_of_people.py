@@ -156,7 +156,7 @@ def test_a_current_is_scaled_by_the_model_and_said(word, tmp_path, arm):
     file = table(tmp_path / "log.csv", {"time": TIME} | numbered("q", Q) | numbered(word, current(scale, 3)))
     rec, guessed = taken(file, arm, tmp_path / "rig")
     said = str(guessed)
-    assert "by 0.06 to 0.12, reversed at lift_joint: looks like a current; roll_joint carry nothing" in said
+    assert "by 0.06 to 0.12, reversed at lift_joint: looks like a current; left out, as their readings carry no" in said
     assert rec.torque_sensor == "motor" and np.isnan(rec.tau[:, 3]).all()
     for j in range(3):
         model = TAU[:, j] + 0.5 * np.tanh(50 * DQ[:, j])

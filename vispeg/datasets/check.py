@@ -47,7 +47,7 @@ def check(folder: str | Path, watch: Watch = lambda frames: None) -> list[str]:
     data = open_dataset(folder)
     if isinstance(data, Stored):
         return collected(data.check()) + _records(data, watch)
-    if faults := collected(_files(data)):  # the content of a broken file would only be reported twice
+    if faults := collected(_files(data)):  # a changed file is one fault; its content is not examined further
         return faults
     if faults := collected(_meta(data)):
         return faults
@@ -60,7 +60,7 @@ def _cameras(folder: Path) -> object:
 
 
 def collected(findings: Iterator[str]) -> list[str]:
-    """Collect findings; a UserError that ends the search becomes the last one."""
+    """List findings; a UserError that is raised while they are found becomes the last one."""
     lines = []
     try:
         for finding in findings:
@@ -166,7 +166,7 @@ def _records(data: Dataset | Stored, watch: Watch) -> list[str]:
     digests: dict[bytes, str] = {}
     content = [name for name in data.features if name not in COUNTED]
     repeated = 0
-    # a camera that is late or drops frames repeats a picture; in a dataset of pictures only, whole frames then repeat
+    # a camera that is late or drops frames repeats a picture: where frames consist of pictures only, that is no fault
     pictures_alone = all(is_picture(data.features[name]) for name in content)
     for number, about in enumerate(data.episodes):
         try:

@@ -22,10 +22,10 @@ INFO, STATS, TASKS = "meta/info.json", "meta/stats.json", "meta/tasks.parquet"
 CAMERAS, RENDER = "meta/cameras.json", "meta/render.json"
 CAMERA_FILE = Format("vispeg-cameras/1", "a dataset's cameras", ("cameras", "parts"), ("cameras",), "json")
 RENDER_FILE = Format("vispeg-dataset/1", "how a dataset was made", ("plan", "files", "provenance"), (), "json")
-PLACES = ("chunk_index", "file_index")  # numbers in `data_path`
-EACH = ("episode_chunk", "episode_index")  # the same in versions with one file per episode
-BEFORE: Mapping[str, tuple[str, str]] = {"v2.0": EACH, "v2.1": EACH}
-PLACE = re.compile(r"(0?[1-9])?d?")  # allowed formats of these numbers in a file name
+PLACES = ("chunk_index", "file_index")  # the two numbers that `data_path` has placeholders for
+EACH = ("episode_chunk", "episode_index")  # the same in older versions, which have one file per episode
+BEFORE: Mapping[str, tuple[str, str]] = {"v2.0": EACH, "v2.1": EACH}  # older version -> its placeholders
+PLACE = re.compile(r"(0?[1-9])?d?")  # allowed format specifications of the placeholders, such as `03d`
 ENTRIES = 10**9  # most numbers of a feature in one frame
 MOST_FRAMES = 10**9
 
@@ -62,7 +62,7 @@ def read_info(folder: Path, versions: Sequence[str] = (VERSION,)) -> Info:
     total, fps = info["total_frames"], info["fps"]
     if not is_integer(total) or not 1 <= total <= MOST_FRAMES:
         raise UserError("not a number of frames", file=path, key="total_frames", expected="1 or more", got=total)
-    if not number(fps) or not 0 < fps <= 1e6:
+    if not is_number(fps) or not 0 < fps <= 1e6:
         raise UserError("not a rate", file=path, key="fps", expected="frames a second", got=fps)
     check_features(info["features"], path)
     _check_path(info["data_path"], path, BEFORE.get(str(version), PLACES))
@@ -139,7 +139,11 @@ def read_cameras(folder: Path, features: Mapping[str, Feature]) -> tuple[dict[st
 
 
 def cameras_of(records: Any, features: Mapping[str, Feature], path: Path, key: str = "cameras") -> dict[str, Camera]:
-    """Return cameras by name. Raises UserError: an impossible one, or its pictures are missing or of another size."""
+    """Make cameras from their records, by name.
+
+    Raises:
+        UserError: an impossible camera, or one whose pictures are missing or have another size.
+    """
     if not isinstance(records, list):
         raise UserError("not a list of cameras", file=path, key=key, got=records)
     cameras = [from_record(record, path) for record in records]
@@ -191,6 +195,6 @@ def is_integer(value: Any) -> TypeGuard[int]:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
-def number(value: Any) -> TypeGuard[float]:
+def is_number(value: Any) -> TypeGuard[float]:
     """Return whether a value is a finite number."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

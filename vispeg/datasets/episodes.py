@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NotRequired, TypedDict, cast
 
 from vispeg.core.errors import UserError
-from vispeg.datasets.describe import is_integer, number
+from vispeg.datasets.describe import is_integer, is_number
 from vispeg.datasets.parquet import checked, opened, read, table
 from vispeg.formats.guard import read_bytes
 from vispeg.formats.json_data import parse_json
@@ -15,15 +15,16 @@ from vispeg.formats.json_data import parse_json
 FOLDER, LINES = "meta/episodes", "meta/episodes.jsonl"
 LARGEST = 1_000_000_000  # most bytes of `LINES`
 OWN = "vispeg/"  # prefix of columns that LeRobot does not have
+# columns that state where an episode lies
 PLACES = ("episode_index", "length", "dataset_from_index", "dataset_to_index", "data/chunk_index", "data/file_index")
 
 
 def _worlds(value: Any) -> bool:
     effects = value.values() if isinstance(value, dict) else [value]
-    return all(isinstance(params, dict) and all(map(number, params.values())) for params in effects)
+    return all(isinstance(params, dict) and all(map(is_number, params.values())) for params in effects)
 
 
-KINDS: Mapping[str, Callable[[Any], bool]] = {
+KINDS: Mapping[str, Callable[[Any], bool]] = {  # column without its prefix -> test of its values
     "seed": is_integer,
     "look": is_integer,
     "look_seed": is_integer,
@@ -32,7 +33,7 @@ KINDS: Mapping[str, Callable[[Any], bool]] = {
     "cut": lambda b: isinstance(b, bool),
     "success": lambda b: isinstance(b, bool),
     "category": lambda s: isinstance(s, str),
-    "peak_force": lambda f: number(f) and f >= 0,
+    "peak_force": lambda f: is_number(f) and f >= 0,
     "world": _worlds,
     "cameras": lambda records: isinstance(records, list) and all(isinstance(r, dict) for r in records),
 }

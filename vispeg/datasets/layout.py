@@ -51,7 +51,7 @@ class Info(TypedDict):
 
 
 NUMBERS = ("bool", *(f"{k}int{n}" for k in ("", "u") for n in (8, 16, 32, 64)), "float16", "float32", "float64")
-TRUTH = "observation.environment_state"
+TRUTH = "observation.environment_state"  # name of the simulation's ground truth in older datasets
 COUNTED: dict[str, Feature] = {  # counters, which every LeRobotDataset has
     "timestamp": {"dtype": "float32", "shape": [1], "names": None},
     "frame_index": {"dtype": "int64", "shape": [1], "names": None},
@@ -133,7 +133,7 @@ def colour_of(camera: str) -> str:
 
 
 def depth_of(camera: str, features: Container[str]) -> str:
-    """Return the name of the feature with a camera's depth: the older of its two names if `features` has it."""
+    """Return the name of the feature with a camera's depth; the older of its two names if `features` has that one."""
     old = f"observation.images.{camera}_depth"
     return old if old in features else f"observation.depth.{camera}"
 

@@ -85,6 +85,7 @@ def late(seen: Seen) -> tuple[np.ndarray, float, float]:
     before = np.array([distance(t, t - 1) for t in range(1, len(depth))])
     if np.isfinite(own).sum() < 3 or np.isfinite(before).sum() < 3:
         return np.empty(0, int), np.nan, np.nan
+    # the sensor's constant error is known best from the labels, own or previous, whose distances scatter less
     middle, spread = min((_spread(d) for d in (own, before)), key=lambda s: s[1])
     off, off_before = np.abs(own - middle), np.abs(before - middle)
     wrong = np.flatnonzero((off > LEAST + SPREADS * spread) & (off_before < 0.5 * off))

@@ -18,7 +18,8 @@ MB = 1_000_000
 DEPTH = 64  # greatest number of nested lists and mappings
 DIGITS = 40  # greatest number of digits of a whole number; the state of a random generator has 39
 NOT_TEXT = re.compile("[\x00\ud800-\udfff]")  # NUL cannot be in a path, surrogates cannot be printed
-MARKS = {codecs.BOM_UTF32_LE: "UTF-32", codecs.BOM_UTF32_BE: "UTF-32"}  # before UTF-16: one begins like its mark
+# UTF-32 is tested first, because its little-endian mark begins with that of UTF-16
+MARKS = {codecs.BOM_UTF32_LE: "UTF-32", codecs.BOM_UTF32_BE: "UTF-32"}
 MARKS |= {codecs.BOM_UTF16_LE: "UTF-16", codecs.BOM_UTF16_BE: "UTF-16"}
 
 

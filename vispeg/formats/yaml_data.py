@@ -19,9 +19,9 @@ from vispeg.formats.guard import DEPTH, MB, check, read_text
 
 VALUES = 100_000  # greatest number of values after aliases are replaced; nested aliases can stand for billions
 LONG = 100  # greatest number of characters of a number
-CORE = "tag:yaml.org,2002:"
+CORE = "tag:yaml.org,2002:"  # prefix of YAML's own tags
 SCALARS = {CORE + kind for kind in ("null", "bool", "int", "float", "str")}
-PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # that of libyaml if PyYAML has it
+PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml's faster parser if PyYAML comes with it
 
 
 def read_yaml(path: str | Path, *, most: int = MB, finite: bool = True) -> Any:

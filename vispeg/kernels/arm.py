@@ -129,8 +129,9 @@ def hold(mass, jac, now, turned, dq, pos, rot, kp, kd, pull, limit, worst, out, 
     """Write the torque (n, nv) N m of `laws.osc` towards a pose, and the rows `done` (n,) for which it is valid.
 
     Rows near a singularity (condition number above `worst`) or with values that are not finite are not done; the caller
-    computes them by `laws.osc`. `pull` may have no rows instead of n, `limit` has length n or 1 and may be infinite.
-
+    computes them by `laws.osc`. The flange is at position `now` (n, 3) and orientation `turned` (n, 4). The other
+    arguments are those of `laws.hold_pose`, but `pull` may have no rows, and `limit` (N) has length n or 1 and may be
+    infinite.
     Raises:
         ValueError: an array with another number of rows, which would be read beyond its end.
     """
@@ -191,9 +192,10 @@ def hold(mass, jac, now, turned, dq, pos, rot, kp, kd, pull, limit, worst, out, 
 def towards(mass, jac, now, turned, pos, rot, pull, soft, out):
     """Write the displacement of the joints (n, nv) rad that moves the flange to a pose, to first order.
 
-    The Jacobian's inverse is weighted by inertia. `soft` is added to the diagonal of the inverse operational inertia.
-    The part of `pull` (n, nv) rad in the null space is added to the displacement. The result is NaN if a matrix is not
-    positive definite.
+    The flange is at position `now` (n, 3) and orientation `turned` (n, 4); the pose is `pos` and `rot`. The Jacobian's
+    inverse is weighted by inertia. `soft` is added to the diagonal of the inverse operational inertia. The part of
+    `pull` (n, nv) rad in the null space is added to the displacement. The result is NaN if a matrix is not positive
+    definite.
     """
     nv = out.shape[1]
     inertia, lower, j6, half = np.empty((nv, nv)), np.empty((nv, nv)), np.empty((6, nv)), np.empty((6, nv))

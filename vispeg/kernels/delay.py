@@ -16,7 +16,7 @@ def delayed(past, head, lag, out):
     """
     size = len(past)
     if past.shape[1] != len(out) or len(lag) != len(out):
-        raise ValueError("each value takes a lag and a column of the ring")
+        raise ValueError("each value needs its lag and its column of the ring buffer")
     for k in range(len(out)):
         steps = min(int(lag[k]), size - 2)
         part = lag[k] - steps

@@ -9,7 +9,7 @@ POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 SPATIAL_SIGNALS = {"ee": POSE, "ee_cmd": POSE, "ft": WRENCH}
 SIGNALS = (*JOINT_SIGNALS, *SPATIAL_SIGNALS)
-NEEDED = {
+NEEDED = {  # control mode -> commands that a simulation of the recording needs
     "torque": ("tau_cmd",),
     "position": ("q_cmd",),
     "osc": ("ee_cmd",),
@@ -20,5 +20,5 @@ NEEDED = {
 
 
 def columns_of(signal: str, joints: Sequence[str]) -> list[str]:
-    """Give the column names of a signal, in order: `q` -> q.joint1, q.joint2, ...; `ee` -> ee.x ... ee.qz."""
+    """Return the column names of a signal, in order: `q` -> q.joint1, q.joint2, ...; `ee` -> ee.x ... ee.qz."""
     return [f"{signal}.{tail}" for tail in SPATIAL_SIGNALS.get(signal, joints)]

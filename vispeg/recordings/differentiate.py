@@ -8,7 +8,7 @@ import numpy as np
 
 CUTOFF_HZ = 15.0  # bandwidth of an arm's motion, of which speeds and accelerations are taken
 ORDER = 4  # of the Butterworth filter, which runs forwards and backwards: gain 1 / (1 + (f/fc)^8), no phase
-SETTLE = 20  # over the cutoff as a share of Nyquist: samples of edge extension, after which transients are below 1e-9
+SETTLE = 20  # an edge is extended by SETTLE / (cutoff / Nyquist frequency) samples: transients decay below 1e-9 there
 GAP_S = 0.020  # s: longer gaps are not interpolated
 UNEVEN = 1e-3  # jitter, in sample periods, beyond which samples are resampled to an even grid before filtering
 BLOCK = 1 << 18  # samples filtered at once; longer runs are filtered in overlapping blocks to save memory
@@ -69,7 +69,7 @@ def _blocks(
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Split a run of rows into overlapping pieces to filter; yield each with the rows of `inside` to take from it.
 
-    A piece reaches so far beyond what it answers for that the filter and the spline have forgotten its ends.
+    A piece extends so far beyond these rows at both ends that transients of the filter and of the spline decay there.
     """
     if len(run) <= BLOCK:
         yield run, inside
@@ -116,7 +116,7 @@ def _smooth_run(time: np.ndarray, q: np.ndarray, at: np.ndarray, cutoff_hz: floa
     fraction = 2 * cutoff_hz * (grid[1] - grid[0])
     if fraction < 0.9 and len(grid) > 6:
         pad = int(min(np.ceil(SETTLE / fraction), BLOCK))  # with time in a wrong unit it would be 1e9 samples
-        longer = np.pad(q, ((pad, pad), (0, 0)), mode="reflect", reflect_type="odd")  # scipy's own stops at n - 1
+        longer = np.pad(q, ((pad, pad), (0, 0)), mode="reflect", reflect_type="odd")  # sosfiltfilt pads n - 1 at most
         q = sosfiltfilt(butter(ORDER, fraction, output="sos"), longer, axis=0, padtype=None)[pad:-pad]
     degree = min(5, len(grid) - 1)
     spline = make_interp_spline(grid, q, k=degree)

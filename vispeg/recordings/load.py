@@ -94,7 +94,7 @@ def needed(header: Header) -> tuple[str, ...]:
 
 
 def _reading(header: Header, keep: Collection[str] | None, progress: Callable[[float], None]) -> Reading:
-    """Make the reading of the signals' columns; those that are not kept are checked block by block."""
+    """Return which columns to read; those of signals that are not kept are only checked, block by block."""
     joints = header.joints
     retained = (*(s for s in SIGNALS if keep is None or s == "q" or s in keep), *header.signals)
     passing = tuple(s for s in SIGNALS if s not in retained)
@@ -265,6 +265,7 @@ def _check(table: Table, name: str, values: np.ndarray, columns: list[str]) -> N
 
 
 def _need(table: Table, header: Header, signals: dict[str, np.ndarray | None]) -> None:
+    """Raise UserError if a signal that the control mode needs is absent or misses too many readings."""
     mode = header.control.mode
     felt = ("ft",) if (header.wrench is not None or header.cell is not None) and signals["ft"] is not None else ()
     for name in ("q", *NEEDED[mode], *felt):

@@ -1,4 +1,4 @@
-"""How far a recording is read, for whoever shows it."""
+"""Types of the callbacks that show how much of a recording has been read."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 Share = Callable[[float], None]  # called with the share that is read, 0 to 1
-Reading = Callable[[Path], AbstractContextManager[Share]]
+Reading = Callable[[Path], AbstractContextManager[Share]]  # shows the progress of one recording during a `with` block
 
 
 def silent(path: Path) -> AbstractContextManager[Share]:

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 REGIMES = ("free", "press", "slide", "hole", "impact")  # names in JSON files
-INSIDE = REGIMES[3]  # regime of an inserted tip
-FREE, PRESS, SLIDE, INSIDE, IMPACT = range(len(REGIMES))
+FREE, PRESS, SLIDE, INSIDE, IMPACT = range(len(REGIMES))  # INSIDE: the tip is inserted
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from vispeg.recordings.differentiate import episodes, smooth
 from vispeg.recordings.recording import Chosen, Recording, Window
 
 SECONDS = 60.0  # s of a recording that are used by default
-LENGTH = 6.0  # s, length of a window: long enough for errors of the start state to decay, short enough for a choice
+LENGTH = 6.0  # s, length of a window: in a longer one errors of the start state matter less; shorter ones give a choice
 LOOK_HZ, MOTION_HZ = 100.0, 10.0  # sample rate and bandwidth at which the motion is examined
 STANDS = 0.02  # share of the top speed below which a joint counts as standing
 SPEEDS, ACCELERATIONS, LOADS = 8, 6, 6  # bins per joint
@@ -51,7 +51,7 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
     if not moves[picked].any(axis=0).all():
         picked = _greedy(cells, spans, count, moves)
     picked = sorted(picked, key=lambda k: spans[k][0])
-    parts = [spans[k] for k in picked]  # not merged: as a batch, equal lengths run fastest
+    parts = [spans[k] for k in picked]  # adjacent ones are not merged: a batch of equal lengths is simulated fastest
     most, overall = tops[:, picked].max(axis=1), tops.max(axis=1)
     cover = np.min(np.where(overall > 0, most / np.maximum(overall, 1e-12), 1.0), axis=-1)
     windows = tuple(Window(float(rec.time[first]), float(rec.time[stop - 1])) for first, stop in parts)
@@ -109,8 +109,11 @@ def _runs(episode: np.ndarray) -> list[np.ndarray]:
 def _cells(
     rec: Recording, runs: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, list[tuple[int, int]], np.ndarray]:
-    """Return for every window: time in each cell (w, k), reversals (w,), its rows, peak speed, acceleration and load
-    (3, w, nj).
+    """Return for each of w windows what `choose` compares.
+
+    Returns:
+        Time in each of k cells, s, (w, k); number of reversals (w,); rows (first, stop) of each; peak speed, rad/s,
+        acceleration, rad/s^2, and load, N m, (3, w, nj). Without recorded torque the load is the angle, rad.
     """
     every = max(1, round(rec.rate_hz / LOOK_HZ))
     rows = np.concatenate([run[::every] for run in runs])
@@ -147,7 +150,7 @@ def _cells(
         turns.append(int(turn[part].sum()))
         spans.append((int(rows[start]), int(rows[start + width])))
         tops.append([x[part].max(axis=0) for x in size])
-    if not spans:  # gaps everywhere: the beginning is used
+    if not spans:  # gaps leave no whole window: the beginning is used
         spans = [(0, min(len(rec.time), width * every))]
         counts, turns, tops = [np.zeros(cell.shape[1])], [0], [[x.max(axis=0) for x in size]]
     return np.array(counts), np.array(turns), spans, np.swapaxes(np.array(tops), 0, 1)

@@ -23,13 +23,14 @@ from vispeg.datasets.read import Dataset
 from vispeg.render.cameras.camera import Camera, rotation
 
 FIXTURE = "fixture"  # the part with the goal
-MM = 1000.0
+MM = 1000.0  # mm in a metre
 Things = Mapping[int, tuple[str, str]]  # number -> part, name of its pose
 
 
 def objects(data: Dataset) -> Things:
-    """Return object number -> (part, name of its pose) for all parts with poses; other poses are those of the goal.
+    """Return object number -> (part, name of its pose), one object for each pose that is labelled.
 
+    A pose that is not named after a part is the goal's, and belongs to the fixture.
     Raises:
         UserError: the dataset has no pose.
     """

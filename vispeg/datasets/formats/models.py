@@ -14,7 +14,7 @@ from vispeg.formats.guard import MB, read_bytes
 
 FOLDER = "meta/models"
 Mesh = tuple[np.ndarray, np.ndarray]  # vertices (v, 3) and triangles (f, 3)
-TURNS = 32  # a part counts as round if it is unchanged by this fraction of a turn
+TURNS = 32  # a part counts as round if it is unchanged by 1/32 of a turn
 SAME = 1e-3  # tolerance of a turned vertex, as a share of the part's extent
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import encode, to_steps
-from vispeg.datasets.describe import check_features, is_integer, number
+from vispeg.datasets.describe import check_features, is_integer, is_number
 from vispeg.datasets.episodes import KINDS, OWN, Stretch
 from vispeg.datasets.formats.stored import Stored, picture
 from vispeg.datasets.layout import Feature, entries_of, is_depth, is_picture, short_of
@@ -84,7 +84,7 @@ class Plain(Stored):
         path = self.folder / WHOLE
         record = PLAIN.read(path)
         check_features(record["features"], path)
-        if not number(record["fps"]) or record["fps"] <= 0:
+        if not is_number(record["fps"]) or record["fps"] <= 0:
             raise UserError("not a rate", file=path, key="fps", expected="frames a second", got=record["fps"])
         parts, plan = record.get("parts", []), record.get("plan", {})
         if not isinstance(parts, list) or not all(isinstance(p, str) for p in parts):

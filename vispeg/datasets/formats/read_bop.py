@@ -1,4 +1,4 @@
-"""Read a dataset in BOP's format (bop.felk.cvut.cz, "BOP data format"), by this program or another.
+"""Read a dataset in BOP's format (bop.felk.cvut.cz, "BOP data format"), written by this program or another.
 
 Scenes that `dataset_info.json` assigns to one episode are its cameras; without this file, each scene is an episode with
 one camera. Masks of visible parts become label pictures, in which objects are numbered from 1.
@@ -15,8 +15,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import decode
-from vispeg.datasets.describe import is_integer
-from vispeg.datasets.describe import number as is_number
+from vispeg.datasets.describe import is_integer, is_number
 from vispeg.datasets.formats.models import read_ply
 from vispeg.datasets.formats.stored import LARGEST, Stored
 from vispeg.datasets.formats.stored import picture as read_picture
@@ -28,8 +27,8 @@ from vispeg.render.cameras.camera import Camera
 
 TOLD, CAMERA, TRUTH = "dataset_info.json", "scene_camera.json", "scene_gt.json"
 INFO = "models/models_info.json"
-ANY = "camera"
-MM = 1e-3  # m
+ANY = "camera"  # name of the camera where none is stated
+MM = 1e-3  # m in a millimetre
 
 
 class PictureCamera(TypedDict):
@@ -194,7 +193,7 @@ class Bop(Stored):
 
 
 def _scenes(listing: Any, scenes: list[Path], path: Path) -> list[tuple[int, str]]:
-    """Return (episode, camera) of each scene; if not stated, each scene is an episode."""
+    """Return (episode, camera) of each scene; if not stated, each scene is an episode of one camera."""
     listed = listing.get("scenes") if isinstance(listing, dict) else None
     if listed is None and isinstance(listing, dict):
         return [(i, ANY) for i in range(len(scenes))]

@@ -13,7 +13,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 
 RGBD, RGB = "rgbd", "rgb"
-# most frames and bytes of a shard; smaller shards waste more physics at the end
+# most frames and bytes of a shard; its last episode is cut off, so smaller shards waste more simulation
 SHARD_FRAMES, SHARD_BYTES = 500, 48_000_000
 
 
@@ -29,7 +29,8 @@ class Plan:
         cameras: names of the cameras.
         size: shorter side of a picture, px; 0 for the cameras' own size.
         seed: seed of everything random.
-        noise: standard deviation of the noise on the expert's actions, so that it shows how to recover.
+        noise: standard deviation of the noise on the expert's actions, as a share of the largest action; with noise,
+            the data show how to recover from errors.
         labels: whether label pictures of parts are made.
         backend: the renderer, unless the world names one.
         shard_frames: number of frames of the largest shard.
@@ -95,7 +96,7 @@ class Shard:
 
 
 def look_seed(seed: int, look: int) -> int:
-    """Return the seed of an episode's look by number; look 0 has the episode's seed, as when it is played."""
+    """Return the seed of an episode's look by number; look 0 has the episode's own seed."""
     return seed if look == 0 else int(stream(seed, "dataset-look", look).integers(2**31))
 
 

@@ -48,7 +48,7 @@ def render(
     Args:
         plan, layout, source: content and format of the dataset, and the function that makes a shard's episodes.
         out: the folder, new or empty; with `overwrite`, an existing dataset is replaced once the new one is complete.
-        engine: makes shards: `engine.local` or `engine_ray.on_ray`.
+        engine: makes shards: `engine.local` or `engine.on_ray`.
         workers: number of processes.
         watch: called with numbers of frames done; first with those of an earlier run.
         export: called with the LeRobot folder and an empty folder, to write another format.

@@ -1,4 +1,4 @@
-"""Excitation of each joint by a motion: friction, inertia, gravity."""
+"""Measure how well a joint's motion determines its friction, inertia, gravity torque and torque offset."""
 
 from __future__ import annotations
 
@@ -8,26 +8,27 @@ import numpy as np
 
 PARAMETERS: tuple[str, ...] = ("coulomb", "viscous", "inertia", "gravity_sin", "gravity_cos", "bias")
 UNITS = ("N m", "N m s/rad", "kg m^2", "N m", "N m", "N m")
-MOVES = 0.02  # of the peak speed: below it a joint counts as standing
-LEAST_SPEED = 1e-3  # rad/s
+MOVES = 0.02  # share of the peak speed below which a joint counts as standing
+LEAST_SPEED = 1e-3  # rad/s, speed below which a joint always counts as standing
 BLOCK = 1 << 17  # rows of the regressor that are in memory at once
 
 
 @dataclass(frozen=True)
 class Excitation:
-    """How one joint was moved, and what that can tell.
+    """How one joint was moved, and which parameters that motion determines.
 
     Attributes:
         range: largest minus smallest angle, rad.
         peak_speed: rad/s.
         reversals: changes of direction, counted once the joint moves on at 2 % of its peak speed.
         moving: share of the time at more than 2 % of the peak speed.
-        speed_spread: 90th over 10th percentile of the speed while moving; 1 cannot tell viscous from dry friction.
+        speed_spread: 90th over 10th percentile of the speed while moving; at 1, viscous and dry friction are
+            confounded.
         condition: condition number of the regressor [sign(dq), dq, ddq, sin q, cos q, 1], columns scaled to unit norm;
             None for a joint that did not move.
         identifiability: parameter -> share of its column that no other column explains, 0 to 1.
-        sigma: parameter -> 1-sigma that white torque noise leaves on it in this recording alone (unit as UNITS);
-            None where there is no torque.
+        sigma: parameter -> standard deviation of its estimate from this recording alone, due to white torque noise
+            (unit as UNITS); None where there is no torque.
     """
 
     range: float
@@ -41,7 +42,7 @@ class Excitation:
 
 
 def excitation(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, noise_tau: float | None = None) -> Excitation:
-    """Judges the motion of one joint on its own; coupling to other joints is not looked at.
+    """Examine the motion of one joint by itself, without its coupling to other joints.
 
     Args:
         q, dq, ddq: (n,) rad, rad/s, rad/s^2, smoothed; NaN where missing.
@@ -68,15 +69,20 @@ def excitation(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, noise_tau: float 
 
 
 def regressor(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-    """(n, 6): torque of one joint per unit of PARAMETERS."""
+    """Return the regressor (n, 6): the joint's torque per unit of each of PARAMETERS."""
     return np.stack([np.sign(dq), dq, ddq, np.sin(q), np.cos(q), np.ones_like(q)], axis=1)
 
 
 def _judge(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> tuple[float | None, np.ndarray, np.ndarray]:
-    """Condition number of the regressor's scaled columns, the norm of each column's own part, and of each column.
+    """Compute how well the regressor A = [sign(dq), dq, ddq, sin q, cos q, 1] determines each parameter.
 
-    A column's own part is what no other spans: 1 / sqrt(diag((A'A)^-1)), so noise / norm is the least-squares standard
-    deviation. The triangle of A = QR has A's singular values, and grows block by block.
+    A column's own part is the part that no combination of the other columns gives. Its norm is
+    1 / sqrt(diag((A'A)^-1)), so the torque noise over this norm is the parameter's least-squares standard deviation.
+    A is not kept: the triangle R of A = QR has A's singular values, and is updated block by block.
+
+    Returns:
+        Condition number of A with columns of norm 1 (None if singular), norms of the columns' own parts (6,), and norms
+        of the columns (6,).
     """
     triangle = np.zeros((0, len(PARAMETERS)))
     for start in range(0, len(q), BLOCK):

@@ -1,7 +1,7 @@
 """Decide which excitation that contact effects need is present in recordings and which is lacking.
 
 The same rule serves one recording and several together. The bounds come from a study of each effect's uncertainty after
-five seconds of each motion: an effect counts as excited if that is far below the size at which it matters.
+five seconds of each motion: an effect counts as excited if this uncertainty is far below the size at which it matters.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ HARD = 60.0  # N, force from which a grip may slip
 NEEDS = {  # excitation that an effect may need (`Effect.needs`), in the order in which effects are listed
     "free air": "a while in free air",
     "tilt": "the tool tilted in free air",
-    "weighing": "that, with and without the held part",
+    "weighing": "the tool tilted in free air, with and without the held part",
     "press": "a press",
     "two forces": "presses with two forces",
     "two directions": "a slide there and back",

@@ -17,10 +17,10 @@ from vispeg.formats.yaml_data import read_yaml
 from vispeg.recordings.schema import Finite, Positive
 
 Mount = Literal["base", "flange"]
-Sensor = Literal["d405", "d435", "structured_light"]  # the sensors of `vispeg.worlds.sensor`, which stand above
+Sensor = Literal["d405", "d435", "structured_light"]  # as in `vispeg.worlds.sensor`, which is in a higher layer
 Side = Annotated[int, Field(ge=1, le=8192)]
 Row = Annotated[list[Finite], Field(min_length=4, max_length=4)]
-DEPTH_UNIT = 1e-3  # m: what most depth cameras deliver
+DEPTH_UNIT = 1e-3  # m, step of most depth cameras
 ROTATION = 1e-3  # tolerance of a rotation's orthonormality: numbers written with four digits pass
 
 

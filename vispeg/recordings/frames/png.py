@@ -13,7 +13,7 @@ from vispeg.formats.guard import opened, read_bytes
 
 SIGNATURE, END = b"\x89PNG\r\n\x1a\n", b"IEND\xaeB`\x82"
 LARGEST = 200_000_000  # bytes; 8192 x 8192 px of three colours
-COLOURS = {0: 1, 2: 3, 3: 3, 4: 1, 6: 3}  # PNG's colour type: channels that are looked at
+COLOURS = {0: 1, 2: 3, 3: 3, 4: 1, 6: 3}  # PNG's colour type -> number of channels without transparency
 
 
 @dataclass(frozen=True)

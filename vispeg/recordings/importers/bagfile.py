@@ -1,4 +1,4 @@
-"""Reads messages out of ROS 1 bags, ROS 2 bags and MCAP files."""
+"""Read messages from ROS 1 bags, ROS 2 bags and MCAP files."""
 
 from __future__ import annotations
 

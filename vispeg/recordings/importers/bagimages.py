@@ -18,8 +18,7 @@ COLOURS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}  # encoding
 BAYER = {"bayer_rggb8": "BG", "bayer_bggr8": "RG", "bayer_gbrg8": "GR", "bayer_grbg8": "GB"}  # ROS' -> OpenCV's name
 DEPTHS = {"16UC1": 2, "mono16": 2, "32FC1": 4}  # encoding of depth -> bytes per pixel
 FINE = 1e-4  # m, step in which depth that was logged as 32-bit floats is stored
-# last parts of a topic that do not belong to the camera's name
-TAILS = (
+TAILS = (  # last parts of a topic that do not belong to the camera's name
     "compressed",
     "compressedDepth",
     "image_raw",
@@ -27,7 +26,7 @@ TAILS = (
     "image_rect",
     "image_color",
     "image",
-)  # ends of topics that name no camera
+)
 EVERY = "all"  # request for all topics of pictures
 HEAD = 12  # bytes of header before the PNG in a compressedDepth message
 

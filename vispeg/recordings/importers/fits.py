@@ -13,7 +13,7 @@ from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Recording
 
 Needs = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # motion (n, nj) rad, rad/s, rad/s^2 -> N m
-MOTION_HZ = 8.0
+MOTION_HZ = 8.0  # bandwidth of the smoothed motion
 POSTURES = 24  # samples at which a joint order is evaluated
 MOST = 720  # joint orders up to which all are tried: 6! for six joints
 BETTER = (
@@ -85,7 +85,7 @@ class Scales:
             f" to {sizes.max():.2g}{back}: looks like a current" if len(names) > 1 else f"{back}: looks like a current"
         )
         silent = [name for name, is_silent in zip(self.joints, self.silent, strict=True) if is_silent]
-        return said + (f"; {', '.join(silent)} carry nothing and are left out" if silent else "")
+        return said + (f"; left out, as their readings carry no information: {', '.join(silent)}" if silent else "")
 
 
 def order_that_fits(rec: Recording, needs: Needs) -> Order | None:

@@ -26,7 +26,7 @@ QUANTITIES: tuple[dict[str, float], ...] = (  # for each physical quantity: unit
 )
 FACTORS = {unit: factor for quantity in QUANTITIES for unit, factor in quantity.items()}
 AMPERES = ("A", "mA")
-OTHER = ("joints", "recording", "table", "motors")
+OTHER = ("joints", "recording", "table", "motors")  # keys of a map that are not columns
 SEPARATORS, DECIMALS = (",", ";", "\t", " "), (".", ",")
 
 
@@ -209,7 +209,7 @@ def _own_unit(own: dict, target: str) -> str:
 
 
 def _unit(unit: Any, into: str, target: str, file: Path) -> float:
-    """Return the factor from a unit to SI, or to the unit of a user-defined signal, which may be one unknown here."""
+    """Return the factor from a unit to SI, or to the unit `into` of a user-defined signal, if that is not empty."""
     if unit is None or unit == into:
         return 1.0
     known = FACTORS if not into else next((q for q in QUANTITIES if into in q), {into: 1.0})

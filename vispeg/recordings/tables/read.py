@@ -21,13 +21,14 @@ TEXTS = (".csv", ".csv.gz", ".tsv", ".txt", ".dat")
 TABLES = (*TEXTS, ".parquet")
 STORES = tuple(READERS)
 LEROBOT = Path("meta") / "info.json"
+# columns of commands, each of which holds until the next; file names that name a signal; columns of time
 HELD = re.compile(r"cmd|command|goal|target|desired|setpoint|(^|[^a-z])ref|action", re.IGNORECASE)
 SIGNAL = re.compile(r"pos|angle|vel|speed|effort|torq|tau|curr|cmd|command|goal|target", re.IGNORECASE)
 CLOCKS = re.compile(r"(^|[^a-z])(t|time|timestamp|stamp|zeit)([^a-z]|$)", re.IGNORECASE)
 
 
 def is_text(file: Path) -> bool:
-    """Whether a table is written as text."""
+    """Return whether a table is written as text, by the end of its file's name."""
     return file.name.lower().endswith(TEXTS)
 
 
@@ -85,7 +86,7 @@ def _folder(folder: Path, files: Sequence[Path], reading: Reading) -> Table:
     tables = [_file(file, whole) for file in files]
     check_rows(sum(table.rows for table in tables), folder)
     said = [SIGNAL.search(table.file.stem) for table in tables]
-    signals = all(said) and len({match[0].lower() for match in said if match}) > 1  # the joints' names in each
+    signals = all(said) and len({match[0].lower() for match in said if match}) > 1  # one file per signal
     alike = not signals and all(table.names == tables[0].names for table in tables)
     columns = _episodes(tables) if alike else _joined(folder, tables)
     names = list(columns)

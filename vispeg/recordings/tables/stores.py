@@ -101,7 +101,7 @@ def _hdf5(file: Path) -> dict[str, np.ndarray]:
     except ImportError as error:
         raise missing("h5py", "an HDF5 file", file=str(file)) from error
     arrays: dict[str, np.ndarray] = {}
-    with opened(file):  # a regular file
+    with opened(file):  # raises UserError unless it is a regular file
         pass
     try:
         with h5py.File(file, "r") as store:

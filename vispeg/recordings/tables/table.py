@@ -45,7 +45,7 @@ class Table:
         rows: number of samples.
         first_row: number of the first sample in messages: 2 in a CSV (line 1 is the header), 0 in Parquet.
         text: name -> (row, cell) of the first cell that is not a number; such a column is not in `columns`.
-        comments: number of lines before the header.
+        comments: the lines before the header, as text.
     """
 
     file: Path
@@ -103,7 +103,7 @@ class Reading:
         return _in_order(names, [*self.retained(names), *self.glance(names)])
 
     def enough(self, rows: int) -> bool:
-        """Whether reading may stop."""
+        """Return whether reading may stop."""
         return self.most_rows is not None and rows >= self.most_rows
 
 

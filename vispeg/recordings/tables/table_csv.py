@@ -43,7 +43,7 @@ class Head:
     Attributes:
         names: column names.
         lines: number of lines before the first sample.
-        comments: number of those that are not the header.
+        comments: those lines that are not the header, as text, without empty ones.
     """
 
     names: list[str]

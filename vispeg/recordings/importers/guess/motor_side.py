@@ -114,7 +114,7 @@ def _radians(out: Proposal) -> None:
     other = {"deg": "rad", "deg/s": "rad/s"}
     out.lines = [
         replace(
-            line, unit=other[line.unit], why=f"{line.why}; but as radians of the motors the torques are the model's"
+            line, unit=other[line.unit], why=f"{line.why}; but read as motor angles in radians, they fit the torques"
         )
         if line.unit in other and line.target.partition(".")[0] in ("q", "dq", "q_cmd", "dq_cmd")
         else line

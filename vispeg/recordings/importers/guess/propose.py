@@ -34,6 +34,7 @@ NAMES = {"q": "measured angle", "dq": "measured speed", "tau": "measured torque"
          "dq_cmd": "commanded speed", "tau_cmd": "commanded torque"}  # fmt: skip
 SECONDS, NANOS = ("s", "sec", "secs", "seconds"), ("ns", "nsec", "nsecs", "nanosec", "nanos", "nanoseconds")
 SHOWN = 8  # numbers shown of a row
+# signals in the order of the map's lines
 ORDER = ("q", "dq", "tau", "tau_cmd", "q_cmd", "dq_cmd")
 
 
@@ -151,7 +152,7 @@ def propose(
     placed = {signal: joint_columns(group, joints, signal, out, order) for signal, group in chosen.items()}
     placed = {signal: columns for signal, columns in placed.items() if columns}
     if "q" not in placed:
-        expected = "names such as q1, position_0, joint1.pos, actual_q_0; a map of your own says it otherwise"
+        expected = "names such as q1, position_0, joint1.pos, actual_q_0; for others, write a map"
         raise UserError("no columns look like measured angles", file=table.file, expected=expected, choices=table.names)
     out.joints = [joint for joint in joints if joint in placed["q"]]
     if "q_cmd" not in placed and (goals := _goals(table, there, placed["q"], joints, order)):
@@ -223,7 +224,7 @@ def _goals(
     """Return joint -> column for commands whose names state no quantity and that the angles follow; else nothing."""
     groups = _groups([m for m in meanings if m.commanded and not m.quantity])
     for group in groups.values():
-        aside = Proposal(table.file, [], [], {}, Dialect())  # takes what is said of columns that may be of no use
+        aside = Proposal(table.file, [], [], {}, Dialect())  # collects doubts about columns that may not be used
         placed = joint_columns(group, joints, "q_cmd", aside, order)
         if not set(angles) <= set(placed):
             continue
@@ -266,11 +267,11 @@ def _ticks(
             stacks[signal] = stacks[signal] * [1.0 if tick is None else tick.scale for tick in ticks]
     guessed = [j for j, tick in zip(out.joints, ticks, strict=True) if tick is not None and not tick.sure]
     if guessed:
-        what = "hardly move, so that their range is not in the values: as wide as the others' is put down"
+        what = "hardly move, so that the values do not tell their range: it is taken to be as wide as the others'"
         out.doubts.append(f"{', '.join(guessed)} {what}; a calibration file gives it")
     out.doubts.append(
         "normalised units: 0 is the middle of a joint's calibrated range, which is the zero of so101_new_calib.xml and "
-        "its like; 0 % of a gripper is its closed end, for which the joint's lower limit in the model is put down"
+        "its like; 0 % of a gripper is its closed end, which is taken to be the joint's lower limit in the model"
     )
     return ticks
 
@@ -368,7 +369,7 @@ def _chosen(groups: dict[tuple[str, bool | None, str], list[Meaning]], out: Prop
 
 
 def _rank(group: tuple[tuple[str, bool | None, str], list[Meaning]]) -> tuple[bool, bool, int]:
-    """Rank groups: those with explicit names first, then those that say `actual`, then the largest."""
+    """Rank groups: names that state the quantity first, then those that say measured or commanded, then the largest."""
     (_, commanded, said), columns = group
     return said.startswith("[") or " " in said, commanded is None, -len(columns)
 
@@ -385,7 +386,7 @@ def joint_columns(
     if all(label.isdigit() for label in labels) and len(set(labels)) == len(labels):
         first = min(int(label) for label in labels)
         numbered = {int(label) - (1 if first >= 1 else 0): m for label, m in zip(labels, group, strict=True)}
-        out.unused |= {m.name: "the robot has no so many joints" for k, m in numbered.items() if k >= len(joints)}
+        out.unused |= {m.name: "the robot has fewer joints" for k, m in numbered.items() if k >= len(joints)}
         doubt = "no column names the joints: taken by their numbers in the robot's order"
         if doubt not in out.doubts:
             out.doubts.append(doubt)

@@ -38,13 +38,13 @@ AGREE = (
 )
 BEYOND = 5.0  # if readings taken as amperes give more than this multiple of the torque limit, they are milliamperes
 QUESTION = (
-    f"their torque constants, N m/A at the joint (motor constant x gear), would make torques that do not lean on the "
+    f"their torque constants, N m/A at the joint (motor constant x gear), would give torques without the use of the "
     f"model's masses: {KEY} with a number a joint, JOINT=NUMBER, or the name of an arm or servo (ur5e, XM430-W350)"
 )
 INFO = "meta/info.json"  # of a LeRobot data set, up to four folders above its tables
 
 NeedsOf = Callable[[Recording], Needs | None]  # the robot's torques for the joints of a recording
-LINES = 20
+LINES = 20  # lines of a text table from which its dialect is detected
 DECIMAL_COMMA = re.compile(r"(?<![\d.])-?\d+,\d+(?![\d,])")
 
 
@@ -60,7 +60,7 @@ def guess(
     constants: Mapping[str, Constant] | None = None,
     known: Mapping[str, Constant] | None = None,
 ) -> Proposal:
-    """Propose a map for a table with unknown column names; what the numbers or the model contradict becomes a doubt.
+    """Propose a map for a table with unknown column names; contradictions with numbers or model become its doubts.
 
     Args:
         source: a file that `read_table` reads.
@@ -107,8 +107,8 @@ def guess(
                 mended = _tried(out, table, source, joints, limits)
                 which = ", ".join(line.column for line in out.lines if line.target.startswith("q."))
                 out.doubts.append(
-                    f"another order than the file's fits the model: {better.best:.3g} N m are left in place of "
-                    f"{better.given:.3g}; it is proposed: {which}"
+                    f"another order than the file's fits the model: measured and modelled torque differ by "
+                    f"{better.best:.3g} N m RMS instead of {better.given:.3g}; it is proposed: {which}"
                 )
                 rec = rec if mended is None else mended
         found = None if rec.tau is None else scales(rec, needs)
@@ -224,7 +224,9 @@ def _scaled(out: Proposal, found: Scales | None) -> None:
             continue
         j = found.joints.index(joint)
         if not np.isfinite(found.scale[j]):
-            why = "carries nothing" if found.silent[j] else f"its scale is not known (the others' is {usual:.2g})"
+            why = (
+                "carries no information" if found.silent[j] else f"its scale is not known (the others' is {usual:.2g})"
+            )
             out.unused[line.column] = f"{joint}: {why}"
             lines.append(Line(line.target, "", "", f"measured torque: {why}", "measured"))
             continue

@@ -18,9 +18,9 @@ TIMES = ("s", "ms", "us", "ns")
 SPEEDS = ("rad/s", "deg/s")  # units tried for speeds whose names state none
 STATED = {*SPEEDS, "rpm"}  # units that the name of a speed may state
 EPOCH = (1.0e9, 4.0e9)  # s: from 2001 to 2096
-TURNS = 4 * math.pi
+TURNS = 4 * math.pi  # rad, two turns; larger values are not radians
 DEGREES = 1000.0  # larger values are not degrees but encoder counts
-TYPICAL_HZ = 300.0
+TYPICAL_HZ = 300.0  # where several units of time are possible, the one with a rate nearest to this is proposed
 
 
 def span(column: np.ndarray) -> tuple[float, float]:
@@ -80,7 +80,7 @@ def _angle(
     peak = float(np.nanmax(np.abs(values)))
     if peak > DEGREES:
         doubts.append(
-            f"{signal} reaches {peak:.4g}: neither radians nor degrees (encoder counts?); degrees are put down"
+            f"{signal} reaches {peak:.4g}: neither radians nor degrees (encoder counts?); degrees are assumed"
         )
         return "deg", f"beyond {TURNS:.3g}, so no radians"
     if peak > TURNS and (step := step_of_degrees(values)) is not None:

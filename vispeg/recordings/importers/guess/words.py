@@ -44,7 +44,7 @@ def text(proposal: Proposal) -> str:
     """Return the map file: one line per column with its reason, then what to check, and the unused columns."""
     entries = data(proposal)
     why = {line.target: f"{line.sure}: {line.why}" for line in proposal.lines}
-    why |= {"motors": "measured: joint over motor, by which the measured torques are the model's; power stays"}
+    why |= {"motors": "measured: joint angle over motor angle at which the torques fit the model; power is conserved"}
     rows = [(f"{_flow(key)}: {_flow(value)}", why.get(key, "")) for key, value in entries.items()]
     width = min(max(len(row) for row, _ in rows), 70)
     lines = [f"# A map guessed from {proposal.file.name}. Look at it before it is used."]
