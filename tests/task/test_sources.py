@@ -130,8 +130,7 @@ def test_how_often_damping_acts_beside_restitution_is_as_stated():
     from vispeg.effects.common.parts import shapes
     from vispeg.robots.scene import build
     from vispeg.sim.placement import activate
-    from vispeg.sim.state import Fields
-    from vispeg.task.cell import RowFields
+    from vispeg.sim.state import Fields, RowFields
 
     scene, both = build(), ("contact_damping", "restitution")
     model, world, n = scene.compile(), load_world("randomized").world, 1500

@@ -49,7 +49,8 @@ class Registry(MutableMapping[str, Item]):
         load_plugins()
 
     def __getitem__(self, name: str) -> Item:
-        self._load()
+        if name not in self._items:  # no later registration can replace an item that is there
+            self._load()
         return self._items[name]
 
     def __setitem__(self, name: str, item: Item) -> None:

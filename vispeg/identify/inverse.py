@@ -8,6 +8,7 @@ it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 
 import mujoco
 import numpy as np
@@ -27,15 +28,15 @@ from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import compiled
 from vispeg.sim.nominal import dense
-from vispeg.sim.physics import EffectLoop, derive
+from vispeg.sim.physics import EffectLoop
 from vispeg.sim.placement import activate
 from vispeg.sim.segments.segment import Segment
-from vispeg.sim.state import DriveState, Fields
+from vispeg.sim.state import DriveState, Fields, RowFields
 from vispeg.worlds.world import World
 
 MOTION_HZ = 8.0  # bandwidth within which the motion's acceleration is reliable
 SAMPLES_HZ = 50.0  # six times that bandwidth: more samples would add no information
-REMEMBERED = 128e6  # bytes of cached inertias along motions: a hundred minutes of 7 joints, six of 30
+REMEMBERED = 128e6  # bytes of cached torques along motions: 760 minutes of 7 joints, 178 of 30
 ENDS = 0.5  # s at both ends of an episode that are not compared: filter transients
 STICK = 0.01  # rad/s over which dry friction changes sign: velocity noise rules out a sharper edge
 STANDS = 3 * STICK  # rad/s, below which a joint may be at rest
@@ -71,7 +72,7 @@ class TorqueEvidence(Evidence):
         self.notes += [contact.said(rec.name) for rec, contact in touched if contact is not None]
         self.items = [item for rec, contact in touched for item in _items(rec, sigma, contact)]
         self._ddq = [i.segment.cache["ddq"] for i in self.items]
-        self._rigid: dict[tuple[int, str], tuple[np.ndarray, np.ndarray]] = {}
+        self._rigid: dict[tuple[int, str], np.ndarray] = {}
 
     @property
     def least_gain(self) -> float:
@@ -117,30 +118,29 @@ class TorqueEvidence(Evidence):
         """
         item, seg, ddq = self.items[i], self.items[i].segment, self._ddq[i]
         robot, active = item.robot, activate(item.robot, [world])
-        batch = mjb.Batch(compiled(robot), 1, nthread=1)
-        fields = Fields(batch, robot)
+        fields = Fields(RowFields(compiled(robot), 1), robot)
         for a in active:
             a.effect.write(fields, a.p)
-        mass, bias = self._body(i, world)
         dof, joint, spring = fields.dofs, fields.joints, fields.qposes
         inertia = fields["dof_armature"][0, dof] - compiled(robot).dof_armature[dof]
-        needed = np.einsum("nij,nj->ni", mass, ddq) + inertia * ddq + bias + fields["dof_damping"][0, dof] * seg.dq
+        needed = self._links(i, world) + inertia * ddq + fields["dof_damping"][0, dof] * seg.dq
         needed += fields["jnt_stiffness"][0, joint] * (seg.q - fields["qpos_spring"][0, spring])
         x = DriveState(1e-3, 1e-3, seg.q, seg.dq, ddq, needed.copy(), np.ones_like(needed))
         dry = np.broadcast_to(fields["dof_frictionloss"][0, dof], needed.shape).copy()
         loop = EffectLoop(active)
         return needed, loop.friction(x, dry), loop.along(x, seg.cache["path"], seg.cache["at"]), loop
 
-    def _body(self, i: int, world: World) -> tuple[np.ndarray, np.ndarray]:
-        """Return inertia (m, nj, nj) and bias torque (m, nj) of a world along the motion of item `i`; cached."""
+    def _links(self, i: int, world: World) -> np.ndarray:
+        """Return the torque (m, nj) N m that a world's rigid links need along the motion of item `i`; cached."""
         rigid = World(effects=tuple(e for e in world.effects if effect(e.effect).writes & RIGID))
         key = (i, repr([(e.label, e.params) for e in rigid.effects]))
         found = self._rigid.pop(key, None)
         if found is None:
             seg = self.items[i].segment
-            found = rigid_body(self.items[i].robot, rigid, seg.q, seg.dq)
+            mass, bias = rigid_body(self.items[i].robot, rigid, seg.q, seg.dq)
+            found = np.einsum("nij,nj->ni", mass, self._ddq[i]) + bias
         self._rigid[key] = found  # the latest; the oldest are dropped first
-        while len(self._rigid) > 1 and sum(mass.nbytes for mass, _ in self._rigid.values()) > REMEMBERED:
+        while len(self._rigid) > 1 and sum(torque.nbytes for torque in self._rigid.values()) > REMEMBERED:
             del self._rigid[next(iter(self._rigid))]
         return found
 
@@ -150,14 +150,18 @@ def rigid_body(robot: RobotModel, world: World, q: np.ndarray, dq: np.ndarray) -
 
     Bias is gravity, centrifugal and Coriolis torque. Of the world only effects that change masses or gravity matter.
     """
-    model = compiled(robot)
-    batch = mjb.Batch(model, len(q), nthread=1)
-    fields = Fields(batch, robot)
-    rigid = World(effects=tuple(e for e in world.effects if effect(e.effect).writes & RIGID))
+    model, rigid = (
+        copy(compiled(robot)),
+        World(effects=tuple(e for e in world.effects if effect(e.effect).writes & RIGID)),
+    )
+    fields = Fields(RowFields(compiled(robot), 1), robot)
     for a in activate(robot, [rigid]):
-        a.effect.write(fields, {k: np.repeat(v, len(q), axis=0) for k, v in a.p.items()})
-    if "body_iquat" in fields.touched:
-        derive(batch, fields)  # MuJoCo ignores inertias written to a body with axis-aligned inertia until then
+        a.effect.write(fields, a.p)
+    for name in RIGID & fields.touched:
+        owner = model.opt if name.startswith("opt.") else model
+        getattr(owner, name.removeprefix("opt."))[:] = fields[name][0]
+    mujoco.mj_setConst(model, mujoco.MjData(model))  # else inertias of a body whose axes were its own are ignored
+    batch = mjb.Batch(model, len(q), nthread=1)
     batch.bind("qpos")[:, fields.qposes], batch.bind("qvel")[:, fields.dofs] = q, dq
     bias, mass = batch.bind("qfrc_bias"), batch.bind("M")
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import mujoco
@@ -45,21 +46,40 @@ class Fields:
     """
 
     def __init__(self, batch: Any, robot: Any):
-        self._batch, self.robot = batch, robot
-        model = self.model = batch.model
+        self._batch, self.robot, self.model = batch, robot, batch.model
         self.touched: set[str] = set()
-        self.joints = np.array([model.joint(j).id for j in robot.joints])
-        self.dofs = np.array([model.joint(j).dofadr[0] for j in robot.joints])
-        self.qposes = np.array([model.joint(j).qposadr[0] for j in robot.joints])
-        self.links = [int(model.body(b).id) for b in robot.links]
-        self.flange = 0, np.zeros(3), np.eye(3)
-        if not robot.flange:
-            return
-        site = model.site(robot.flange)
-        mat = np.empty(9)
-        mujoco.mju_quat2Mat(mat, site.quat)
-        self.flange = int(site.bodyid[0]), site.pos.copy(), mat.reshape(3, 3)
+        self.joints, self.dofs, self.qposes, self.links, self.flange = _addresses(self.model, robot)
 
     def __getitem__(self, name: str) -> np.ndarray:
         self.touched.add(name)
         return self._batch.expand(name)
+
+
+@lru_cache(maxsize=64)  # models and robots are hashed by identity
+def _addresses(model: Any, robot: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[int], tuple]:
+    """Return `joints`, `dofs`, `qposes`, `links` and `flange` of `Fields`; callers must not change them."""
+    joints = np.array([model.joint(j).id for j in robot.joints])
+    dofs = np.array([model.joint(j).dofadr[0] for j in robot.joints])
+    qposes = np.array([model.joint(j).qposadr[0] for j in robot.joints])
+    links = [int(model.body(b).id) for b in robot.links]
+    if not robot.flange:
+        return joints, dofs, qposes, links, (0, np.zeros(3), np.eye(3))
+    site, mat = model.site(robot.flange), np.empty(9)
+    mujoco.mju_quat2Mat(mat, site.quat)
+    return joints, dofs, qposes, links, (int(site.bodyid[0]), site.pos.copy(), mat.reshape(3, 3))
+
+
+class RowFields:
+    """Model fields of some rows, in place of a batch, for effects to write: `expand(name)` has shape (nrow, ...)."""
+
+    def __init__(self, model: Any, nrow: int):
+        self.model, self.nrow = model, nrow
+        self.values: dict[str, np.ndarray] = {}
+
+    def expand(self, name: str) -> np.ndarray:
+        """Return a writable copy (nrow, ...) of the model's field: nominal values until an effect writes them."""
+        if name not in self.values:
+            owner = self.model.opt if name.startswith("opt.") else self.model
+            value = np.asarray(getattr(owner, name.removeprefix("opt.")))
+            self.values[name] = np.repeat(value[None], self.nrow, axis=0)
+        return self.values[name]

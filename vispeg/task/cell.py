@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -14,7 +13,7 @@ from vispeg.robots.scene import Scene
 from vispeg.sim.physics import derive, exact, firm, total
 from vispeg.sim.placement import Active, activate
 from vispeg.sim.plant import Plant
-from vispeg.sim.state import Fields
+from vispeg.sim.state import Fields, RowFields
 from vispeg.worlds.world import World
 
 CONSTANT = frozenset(mujoco.MjModel._setconst_inputs)  # fields from which MuJoCo derives other fields
@@ -222,19 +221,3 @@ class Cell(Plant):
     def site_rotation(self, name: str) -> np.ndarray:
         """Return the rotation (nsim, 3, 3) from the axes of the site `goal`, `tip` or `flange` to the world's."""
         return self.site_mat[:, self.site[name]].reshape(self.nsim, 3, 3)
-
-
-class RowFields:
-    """Model fields of a few rows, in place of a batch, for effects to write: `expand(name)` has shape (nrow, ...)."""
-
-    def __init__(self, model: Any, nrow: int):
-        self.model, self.nrow = model, nrow
-        self.values: dict[str, np.ndarray] = {}
-
-    def expand(self, name: str) -> np.ndarray:
-        """Return a writable copy (nrow, ...) of the model's field: nominal values until an effect writes them."""
-        if name not in self.values:
-            owner = self.model.opt if name.startswith("opt.") else self.model
-            value = np.asarray(getattr(owner, name.removeprefix("opt.")))
-            self.values[name] = np.repeat(value[None], self.nrow, axis=0)
-        return self.values[name]

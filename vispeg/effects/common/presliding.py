@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from vispeg.kernels.presliding import stretched
+
 YIELDS = np.array([0.25, 0.75, 1.25, 1.75])  # of the level: at which each element slips; their mean is 1
 
 
@@ -46,20 +48,6 @@ def pull(anchors: np.ndarray, q: np.ndarray, stiffness: np.ndarray, level: np.nd
 
 def yielding(path: np.ndarray, reach: float) -> np.ndarray:
     """Mean stretch (n,) of the elements, which yield at `reach` in the mean, along a path (n,) that begins without."""
-    return np.mean([stretch(path, reach * r) for r in YIELDS], axis=0)
-
-
-def stretch(path: np.ndarray, reach: float) -> np.ndarray:
-    """Stretch (n,) of one element that yields at `reach` along a path (n,) that begins with it slack.
-
-    Between two turns of the path the anchor stays, until the element slips and drags it: one clip a stretch of path.
-    """
-    out, anchor = np.zeros(len(path)), path[0]
-    step = np.diff(path)
-    moves = np.flatnonzero(step)
-    turns = moves[1:][np.diff(np.sign(step[moves])) != 0]
-    for first, last in zip([0, *turns], [*turns, len(path) - 1], strict=True):
-        part = slice(first, last + 1)
-        out[part] = np.clip(path[part] - anchor, -reach, reach)
-        anchor = np.clip(anchor, path[last] - reach, path[last] + reach)
+    out = np.empty(len(path))
+    stretched(path, reach, YIELDS, out)
     return out
