@@ -22,6 +22,7 @@ from vispeg.identify.record import centre_of, controller
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled
 from vispeg.sim.plant import STIFF_FRICTION
+from vispeg.sim.quiet import quiet
 from vispeg.sim.rollout import simulate
 from vispeg.sim.segments.segment import Segment
 from vispeg.worlds.world import World
@@ -36,8 +37,9 @@ def raw(model, rows: int, ticks: int, substeps: int, friction: np.ndarray | None
         batch.expand("dof_frictionloss")[:, 3] = friction
         batch.expand("dof_solref")[:], batch.expand("dof_solimp")[:] = (2 * h, 1.0), STIFF_FRICTION
     begin = time.process_time()
-    for _ in range(ticks):
-        batch.step(nstep=substeps)
+    with quiet():  # as rollouts do: without MuJoCo's profiler
+        for _ in range(ticks):
+            batch.step(nstep=substeps)
     return time.process_time() - begin
 
 

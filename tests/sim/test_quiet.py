@@ -1,9 +1,13 @@
-"""Warnings that are held back: nothing is printed, and an interrupt in the middle of them is an ordinary one."""
+"""Warnings that are held back, and a profiler that stands still; an interrupt in the middle is an ordinary one."""
 
 import signal
 import subprocess
 import sys
 import time
+
+import mujoco
+
+from vispeg.sim.quiet import quiet
 
 DIVERGING = """
 import signal
@@ -39,3 +43,17 @@ def test_an_interrupt_while_simulations_diverge_is_raised_in_python():
         child.send_signal(signal.SIGINT)
     said, error = child.communicate(timeout=60)
     assert (child.returncode, said, error) == (0, "ends\n", "")
+
+
+def test_mujocos_profiler_stands_still_while_quiet_and_runs_on_afterwards():
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
+    )
+    data, step = mujoco.MjData(model), mujoco.mjtTimer.mjTIMER_STEP.value
+    mujoco.mj_step(model, data, 10)
+    spent = data.timer[step].duration
+    with quiet():
+        mujoco.mj_step(model, data, 10)
+    assert data.timer[step].duration == spent > 0
+    mujoco.mj_step(model, data, 10)
+    assert data.timer[step].duration > spent
