@@ -161,6 +161,27 @@ def test_the_sky_is_seen_and_has_no_depth(cell):
         assert 0.2 < sky.mean() < 1.0 and shot.rgb[sky].min() > 60
 
 
+def test_a_picture_has_its_sky_whatever_was_drawn_before_it(cell):
+    """Geoms fill the first picture; the second looks over them, and in the third one lets the sky through."""
+    down = standard_cameras()[0]
+    up = standard_cameras()[2].moved(name=down.name, quat=(0.7071, 0.7071, 0, 0), pos=(0.6, 1.5, 1.0), fx=40, fy=40)
+    pictures = []
+    for first in (down, up):
+        with Renderer(cell, [first], "classic") as renderer:
+            renderer.render(OVER)
+            renderer.place([up])
+            pictures.append(renderer.render(OVER)[down.name])
+            renderer.place([first])
+            renderer.render(OVER)
+            renderer.model.geom_rgba[renderer.model.geom("table").id] = (0.5, 0.3, 0.2, 0.5)
+            renderer.place([down])
+            pictures.append(renderer.render(OVER)[down.name])
+    for one, other in ((0, 2), (1, 3)):
+        np.testing.assert_array_equal(pictures[one].rgb, pictures[other].rgb)
+        np.testing.assert_array_equal(pictures[one].depth, pictures[other].depth)
+    assert (pictures[0].depth == 0).any() and (pictures[1].depth > 0).all()
+
+
 def test_shadows_darken_where_asked_and_cost_nothing_else(cell):
     camera = standard_cameras()[2]
     pictures = {}

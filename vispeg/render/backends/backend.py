@@ -192,7 +192,7 @@ class Renderer:
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
         true = [view_of(c, parent, self.data) for c, parent in zip(self.cameras, self._parents, strict=True)]
-        drawn = [View(self._pinhole(view.camera), view.pos, view.rot) for view in true]
+        drawn = [View(self._pinhole(v.camera), v.pos, v.rot) for v in true] if self._warps else true
         pictures = backend.draw(self.data, drawn, self.labels)
         shots = {}
         for view, parent, picture in zip(true, self._parents, pictures, strict=True):
@@ -233,7 +233,7 @@ class Renderer:
         self.close()
 
     def _shot(self, view: View, velocity: np.ndarray, picture: Picture) -> Shot:
-        if warp := self._warps.get(view.camera):
+        if self._warps and (warp := self._warps.get(view.camera)):
             picture = warp(picture)
         if not self.labels or picture.ids is None:
             return Shot(picture.rgb, picture.depth, view.matrix, velocity)

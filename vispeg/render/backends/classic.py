@@ -1,7 +1,8 @@
 """MuJoCo's OpenGL renderer, without its slow defaults.
 
 One render gives colour and depth. There is no multisampling, no reflection and no haze. Shadows are drawn only on
-request, with a small shadow map. Geoms outside the view are not sent to the driver, unless shadows are on.
+request, with a small shadow map. What cannot be seen is not sent to the driver: geoms outside the view, unless they
+may cast a shadow into it, and the sky where geoms fill the picture.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.render.backends.picture import HIDDEN, Picture, is_visible
+from vispeg.render.backends.picture import COLLISION, HIDDEN, Picture, alphas
+from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.view import View, planar
 
 SHADOW_MAP = 512  # px
@@ -27,6 +29,8 @@ SLICES = 40  # facets around a cylinder or sphere; they are within 0.025 mm of t
 ZERO_FAR = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR.value
 OFFSCREEN = mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value
 R, V = mujoco.mjtRndFlag, mujoco.mjtVisFlag
+SKY = R.mjRND_SKYBOX.value
+ALL, DECOR = mujoco.mjtCatBit.mjCAT_ALL.value, mujoco.mjtCatBit.mjCAT_DECOR.value
 HINT = "sudo apt-get install -y libegl1 libopengl0 libgl1-mesa-dri; `vispeg doctor` tells more"
 _OPEN: dict[tuple[int, int], Any] = {}  # OpenGL context by (process, thread)
 
@@ -67,21 +71,43 @@ class Classic:
         self._option.sitegroup[:] = 0
         self._option.geomgroup[:] = 1
         self._option.geomgroup[HIDDEN] = 0
-        self._scene.flags[:] = 0
-        self._scene.flags[[R.mjRND_SKYBOX.value, R.mjRND_CULL_FACE.value]] = 1
-        self._scene.flags[R.mjRND_SHADOW.value] = shadows
+        self._flags = self._scene.flags
+        self._flags[:] = 0
+        self._flags[R.mjRND_CULL_FACE.value] = 1
+        self._flags[R.mjRND_SHADOW.value] = shadows
+        # one per eye of a stereo display; both get the same view
+        self._eyes = [(eye, eye.pos, eye.forward, eye.up) for eye in self._scene.camera]
+        self._lens: Camera | None = None  # whose optics the eyes have
+        self._filled: set[int] = set()  # places in the list of views in which geoms filled the last picture
 
     def draw(self, data: mujoco.MjData, views: Sequence[View], ids: bool) -> list[Picture]:
         """Return one picture per view, in order; the kinematics and lights of `data` must be computed."""
         self._gl.make_current()
         mujoco.mjr_setBuffer(OFFSCREEN, self._context)  # in case another renderer's framebuffer is bound
-        groups = self.model.geom_group.copy()
-        lit = self.shadows and bool((self.model.light_castshadow & self.model.light_active).any())
-        show = is_visible(self.model)
+        model = self.model
+        groups = model.geom_group.copy()
+        lit = self.shadows and bool((model.light_castshadow & model.light_active).any())
+        alpha, radii = alphas(model), model.geom_rbound
+        show = (groups < COLLISION) & (alpha > 0)
+        opaque = not model.nskin and not bool((show & (alpha < 1)).any())
+        casts = (radii > 0) & (radii <= LARGEST_CASTER)
+        pictures = []
         try:
-            return [self._draw_view(data, view, show, lit, ids) for view in views]
+            for k, view in enumerate(views):
+                visible = view.in_sight(data.geom_xpos, radii)
+                if lit:
+                    visible |= casts
+                visible &= show
+                model.geom_group[:] = np.where(visible, 0, HIDDEN)
+                self._look(data, view)
+                if lit:
+                    for geom in self._scene.geoms[: self._scene.ngeom]:
+                        if not casts[geom.objid]:
+                            geom.category = DECOR  # this category is drawn but casts no shadow
+                pictures.append(self._picture(k, view.camera, opaque, ids))
         finally:
-            self.model.geom_group[:] = groups
+            model.geom_group[:] = groups
+        return pictures
 
     def upload(self, texture: int) -> None:
         """Upload a texture's changed pixels to the driver."""
@@ -95,35 +121,44 @@ class Classic:
             self._context.free()
             self._gl = None
 
-    def _draw_view(self, data: mujoco.MjData, view: View, show: np.ndarray, lit: bool, ids: bool) -> Picture:
-        model = self.model
-        visible = show if lit else show & view.in_sight(data.geom_xpos, model.geom_rbound)
-        model.geom_group[:] = np.where(visible, 0, HIDDEN)
-        frustum = view.frustum()
-        for camera in self._scene.camera:  # one per eye of a stereo display; both get the same view
-            for key, value in frustum.items():
-                setattr(camera, key, value)
-        every = mujoco.mjtCatBit.mjCAT_ALL.value
-        mujoco.mjv_updateScene(model, data, self._option, None, self._camera, every, self._scene)
-        if lit:
-            for geom in self._scene.geoms[: self._scene.ngeom]:
-                if not 0 < model.geom_rbound[geom.objid] <= LARGEST_CASTER:
-                    geom.category = mujoco.mjtCatBit.mjCAT_DECOR.value  # this category is drawn but casts no shadow
-        height, width = view.camera.height, view.camera.width
+    def _look(self, data: mujoco.MjData, view: View) -> None:
+        """Put the geoms that are not hidden, the lights and a view into the scene."""
+        for eye, pos, forward, up in self._eyes:
+            pos[:], forward[:], up[:] = view.pos, view.rot[:, 2], -view.rot[:, 1]
+            if view.camera is not self._lens:
+                for key, value in view.optics.items():
+                    setattr(eye, key, value)
+        self._lens = view.camera
+        mujoco.mjv_updateScene(self.model, data, self._option, None, self._camera, ALL, self._scene)
+
+    def _picture(self, k: int, camera: Camera, opaque: bool, ids: bool) -> Picture:
+        """Draw the scene as view number `k`.
+
+        Opaque geoms that filled the last picture usually fill the next. It is then drawn without the sky first, and
+        again with it if there is a gap after all, so that the picture does not depend on those before it.
+        """
+        height, width = camera.height, camera.width
         rect = mujoco.MjrRect(0, 0, width, height)
         rgb, buffer = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
-        mujoco.mjr_render(rect, self._scene, self._context)
-        mujoco.mjr_readPixels(rgb, buffer, rect, self._context)
+        for sky in (False, True) if opaque and k in self._filled else (True,):
+            self._flags[SKY] = sky
+            mujoco.mjr_render(rect, self._scene, self._context)
+            mujoco.mjr_readPixels(rgb, buffer, rect, self._context)
+            depth = planar(buffer[::-1])
+            if depth.min() > 0:
+                self._filled.add(k)
+                break
+            self._filled.discard(k)
         geom_ids = self._ids(rect, width, height) if ids else None
-        return Picture(np.ascontiguousarray(rgb[::-1]), planar(buffer[::-1]), geom_ids)
+        return Picture(np.ascontiguousarray(rgb[::-1]), depth, geom_ids)
 
     def _ids(self, rect: mujoco.MjrRect, width: int, height: int) -> np.ndarray:
         """Return the geom ids (H, W) int32, -1 for none, from a second render with one flat colour per geom."""
-        flags, coded = self._scene.flags.copy(), np.empty((height, width, 3), np.uint8)
-        self._scene.flags[[R.mjRND_SEGMENT.value, R.mjRND_IDCOLOR.value]] = 1
+        flags, coded = self._flags.copy(), np.empty((height, width, 3), np.uint8)
+        self._flags[[R.mjRND_SEGMENT.value, R.mjRND_IDCOLOR.value]] = 1
         mujoco.mjr_render(rect, self._scene, self._context)
         mujoco.mjr_readPixels(coded, None, rect, self._context)
-        self._scene.flags[:] = flags
+        self._flags[:] = flags
         table = np.full(self._scene.ngeom + 1, -1, np.int32)
         for geom in self._scene.geoms[: self._scene.ngeom]:
             if geom.segid >= 0 and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM.value:

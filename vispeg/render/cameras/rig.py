@@ -144,8 +144,10 @@ class CameraRig:
         moments = [self._snapshots[row] for row in range(self.rows)]
         for c in self.cameras:
             shots = [self._shots[row][c.name] for row in range(self.rows)]
-            rng = [stream(int(s), "image", c.name, m.count) for s, m in zip(self._seeds, moments, strict=True)]
-            frame = self._pipelines[c.name].run(self._frame(c, shots, moments), rng, some)
+            frame, pipeline = self._frame(c, shots, moments), self._pipelines[c.name]
+            if pipeline.stages:
+                rng = [stream(int(s), "image", c.name, m.count) for s, m in zip(self._seeds, moments, strict=True)]
+                frame = pipeline.run(frame, rng, some)
             for kind in self.kinds:
                 images = kind.deliver(frame)
                 if images is not None:

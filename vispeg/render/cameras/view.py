@@ -44,10 +44,15 @@ class View:
         out[:3, :3], out[:3, 3] = self.rot, self.pos
         return out
 
+    @property
+    def optics(self) -> Mapping[str, float]:
+        """The camera's intrinsics as fields of MuJoCo's MjvGLCamera; they reproduce fx, fy, cx and cy exactly."""
+        return _optics(self.camera)[0]
+
     def frustum(self) -> Mapping[str, Any]:
-        """Return the view as the fields of MuJoCo's MjvGLCamera; they reproduce fx, fy, cx and cy exactly."""
+        """Return the view as the fields of MjvGLCamera: its place and its optics."""
         place = {"pos": self.pos, "forward": self.rot[:, 2], "up": -self.rot[:, 1]}
-        return {**{k: v.astype(np.float32) for k, v in place.items()}, **_optics(self.camera)[0]}
+        return {**{k: v.astype(np.float32) for k, v in place.items()}, **self.optics}
 
     def in_sight(self, centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
         """Return for each of n spheres whether any of it can lie in the view, (n,) bool.
