@@ -11,7 +11,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.findings import Gain, Score, Trial
 from vispeg.diagnosis.selection.judge import Judge
-from vispeg.diagnosis.selection.law import _stands_behind, grow
+from vispeg.diagnosis.selection.law import _explains_more, grow
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.evidence import Evidence
@@ -54,7 +54,7 @@ def test_what_contains_dry_friction_shows_cross_fitted_or_surely_on_held_out_rec
     gain = Gain(100.0 - left, alone, 1.0 - left / 100.0)
     trial = Trial(Score(FALLING, 0.0, out=(DRY,)), fit(World().add(FALLING)), lost(left), gain)
     state = State(World().add(DRY), lost(100.0), np.zeros(1))
-    assert _stands_behind(Search(evidence(), judge()), state, trial, crossed) == stands
+    assert _explains_more(Search(evidence(), judge()), state, trial, crossed) == stands
 
 
 def test_what_an_effect_removed_counts_what_it_took_the_place_of():

@@ -83,7 +83,7 @@ def test_a_step_says_what_may_stand_in_the_place_of_its_effect_while_the_others_
         (80.0, 60.0, False),
     ],
 )
-def test_play_stands_behind_a_rotor_where_it_removes_most_of_what_is_left_over_the_noise(rotor, play, stands):
+def test_play_explains_more_a_rotor_where_it_removes_most_of_what_is_left_over_the_noise(rotor, play, stands):
     """Of white residuals, alike on the fitted and on the held-out recordings."""
     rng = np.random.default_rng(2)
     spread, noise = rng.uniform(0.9, 1.1, 40), rng.standard_normal(evidence().length)
@@ -93,4 +93,4 @@ def test_play_stands_behind_a_rotor_where_it_removes_most_of_what_is_left_over_t
     better = fit(World().add(richer), residual=np.sqrt(play) * noise)
     gain = judge().gain(state.loss, lost(play * spread))
     trial = Trial(Score(richer, 0.0, out=(simple,)), better, lost(play * spread), gain)
-    assert law._stands_behind(Search(evidence(), judge()), state, trial, gain.z) == stands
+    assert law._explains_more(Search(evidence(), judge()), state, trial, gain.z) == stands

@@ -15,9 +15,9 @@ from vispeg.diagnosis.evidence.signatures import at_bound
 from vispeg.diagnosis.findings import Gain, Score, Trial
 from vispeg.diagnosis.run import diagnose
 from vispeg.diagnosis.selection.accept import in_order, refusal
+from vispeg.diagnosis.selection.aliases import remove_aliases, remove_stuck_members
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.search import Search, suspects
-from vispeg.diagnosis.selection.shadows import cast_out, dismissed
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, fit_job
@@ -97,7 +97,7 @@ def body(label: str, where: str, loss: float) -> Trial:
     return replace(trial("viscous_friction", loss), score=Score(placed, 1.0), fit=fit(World().add(placed)))
 
 
-def test_a_value_at_its_bound_stands_behind_whatever_else_passes():
+def test_a_value_at_its_bound_comes_after_whatever_else_passes():
     state = State(World(), lost(1e3), np.zeros(1))
     friction, limit = trial("viscous_friction", 150.0), trial("torque_speed_limit", 90.0, at_bound=True)
     gone = trial(
@@ -229,11 +229,11 @@ def test_what_stands_at_a_bound_goes_where_the_search_gets_further_without_it(re
     state = search.start(bare.add(shadow), 0)
     shadowed = search.judge.mean(state.loss)
     assert at_bound(state.world.effects[0])
-    assert cast_out(search, state, 0) and search.begun == [bare]
+    assert remove_aliases(search, state, 0) and search.begun == [bare]
     assert [e.label for e in state.world.effects] == ["coulomb_friction(shoulder)"]
     assert search.judge.mean(state.loss) < 0.01 * shadowed
     before = state.world
-    assert not cast_out(search, state, 0) and state.world == before, "nothing stands at a bound any more"
+    assert not remove_aliases(search, state, 0) and state.world == before, "nothing stands at a bound any more"
 
 
 def test_what_stands_at_a_bound_stays_where_nothing_better_comes_in(recordings):
@@ -241,7 +241,7 @@ def test_what_stands_at_a_bound_stays_where_nothing_better_comes_in(recordings):
     shadow = EffectInstance.of("torque_gain", "shoulder", gain=effect("torque_gain").params["gain"].low)
     bare = World(recordings[0].robot)
     state = search.start(bare.add(shadow), 0)
-    assert not cast_out(search, state, 0) and [e.effect for e in state.world.effects] == ["torque_gain"]
+    assert not remove_aliases(search, state, 0) and [e.effect for e in state.world.effects] == ["torque_gain"]
     assert search.begun == [bare]
 
 
@@ -250,10 +250,10 @@ def test_a_lag_of_one_joint_beside_one_of_all_goes_where_the_search_gets_further
     search = Knowing(recordings, FRICTION)
     bare, every = World(recordings[0].robot), EffectInstance.of("command_delay", "all", delay=1e-4)
     with varied(far=np.inf):  # however much is left
-        assert not cast_out(search, search.start(bare.add(ELBOW, LAG), 0), 0) and not search.begun
+        assert not remove_aliases(search, search.start(bare.add(ELBOW, LAG), 0), 0) and not search.begun
         for fixed in (0, 1):
             state = search.start(bare.add(every, LAG), fixed)
-            assert cast_out(search, state, fixed) and search.begun.pop() == bare.add(every)
+            assert remove_aliases(search, state, fixed) and search.begun.pop() == bare.add(every)
             assert [e.label for e in state.world.effects] == ["command_delay(all)", "coulomb_friction(shoulder)"]
 
 
@@ -264,18 +264,18 @@ def test_where_much_is_left_the_joint_with_the_greatest_error_is_asked_again_for
     bare = World(recordings[0].robot)
     state = search.start(bare.add(ELBOW, viscous, LAG), 0)
     assert search.judge.mean(state.loss) > RULES.far
-    assert cast_out(search, state, 0) and search.begun == [bare.add(ELBOW, viscous)]
+    assert remove_aliases(search, state, 0) and search.begun == [bare.add(ELBOW, viscous)]
     assert {e.label for e in state.world.effects} == {e.label for e in (ELBOW, viscous, FRICTION)}
     explained = search.start(bare.add(ELBOW, LAG, FRICTION), 0)
-    assert search.judge.mean(explained.loss) < RULES.far and not cast_out(search, explained, 0)
-    assert not cast_out(search, search.start(bare.add(LAG), 0), 0), "with nothing else a search begins so"
+    assert search.judge.mean(explained.loss) < RULES.far and not remove_aliases(search, explained, 0)
+    assert not remove_aliases(search, search.start(bare.add(LAG), 0), 0), "with nothing else a search begins so"
 
 
-def test_the_same_is_cast_out_once(recordings):
+def test_the_same_removal_is_tried_once(recordings):
     search = Knowing(recordings)
     state = search.start(World(recordings[0].robot).add(ELBOW, LAG), 0)
     for _ in range(2):
-        assert not cast_out(search, state, 0) and len(search.begun) == 1
+        assert not remove_aliases(search, state, 0) and len(search.begun) == 1
 
 
 @pytest.mark.parametrize("worth", [True, False])
@@ -287,7 +287,7 @@ def test_a_member_of_a_group_at_its_bound_goes_at_once_if_the_others_are_worth_h
     state = search.start(bare.add(gain, other), 0)
     score = Score(gain, 1.0, (other,))
     state.steps, state.last = [(replace(trial("torque_gain", 90.0), score=score), [])], [trial("cogging", 90.0)]
-    dismissed(search, state, before, score, 0)
+    remove_stuck_members(search, state, before, score, 0)
     assert [e.effect for e in state.world.effects] == ["coulomb_friction"] if worth else len(state.world.effects) == 2
     assert len(state.last) == (not worth) and len(state.steps) == 1
 

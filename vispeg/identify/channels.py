@@ -60,7 +60,7 @@ class Item:
     """One segment of one recording, ready to be compared.
 
     Attributes:
-        recording: that the item is of.
+        recording: the recording.
         segment: its samples, commands and controller.
         robot: the nominal robot with the declared tool and tilt.
         channels: what was measured, the principal channel first.

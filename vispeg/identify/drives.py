@@ -27,7 +27,7 @@ from vispeg.sim.compiled import nominal_of
 from vispeg.sim.placement import activate
 from vispeg.worlds.world import World
 
-HEARD_HZ = 40.0  # bandwidth of velocities that were not recorded
+HEARD_HZ = 40.0  # bandwidth of velocities computed from angles, where none were recorded
 LEAST = 2.0  # s: a part before or after a loss of control (`in_hand`) must be longer, else the whole recording is used
 ROWS = 4096  # postures whose gravity torques are computed at a time
 
@@ -103,7 +103,7 @@ class Motion:
 class Drives:
     """Recordings in torque space: the drive torque of each joint, and the torque that worlds require.
 
-    It is false if there are none.
+    Without any recording, its truth value is False.
 
     Args:
         recordings: those without a known drive torque are left out.

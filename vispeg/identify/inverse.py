@@ -62,9 +62,10 @@ class TorqueEvidence(Evidence):
         self.notes = list(CAVEATS)
         self._recent = []
         noise, self.floor_from = _noise(self.recordings) if noise is None else (noise, "given")
-        # One weight for all joints: the rigid model's error exceeds sensor noise by far; a newton metre counts alike.
-        # On a held-out recording of a KUKA LWR4+ a diagnosis with it ends at .181 N m; with each joint's own noise as
-        # its weight at .249, with 5 % of each joint's torque beside it at .358 (scripts/bench/real_arms.py).
+        # One weight for all joints, so that an error of 1 N m counts the same in each: the rigid model's error exceeds
+        # sensor noise by far. On a held-out recording of a KUKA LWR4+ a diagnosis with it ends at .181 N m; with each
+        # joint's own noise as its sigma at .249, with 5 % of the joint's torque added to that at .358
+        # (scripts/bench/real_arms.py).
         sigma, self._floors = np.full_like(noise, np.sqrt(np.mean(noise**2))), noise
         self.notes += [rec.chosen.said(rec.name) for rec in recordings if rec.chosen]
         self.notes += [line for rec in recordings for line in missing.said(rec)]

@@ -121,7 +121,7 @@ class Restarts(Evidence):
         self.sigma = sigma
         self.items = [replace(w, sigma=sigma) for w in self._spread(hits)]
         why = {name: NO_TOSS_HAS.get(kind.needs) for name, kind in sorted(REGISTRY.items()) if self._acts(kind)}
-        self.notes = [f"{name}({model.name}) cannot be told: {said}" for name, said in why.items() if said]
+        self.notes = [f"{name}({model.name}) cannot be identified: {said}" for name, said in why.items() if said]
 
     def _windows(self, rec: ObjectRecording) -> list[Windows]:
         """Return the windows of each toss, one after the other; tosses that are too short are left out."""

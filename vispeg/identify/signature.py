@@ -20,7 +20,7 @@ from vispeg.sim.segments.segment import Segment
 from vispeg.worlds.words import place
 from vispeg.worlds.world import World
 
-RATE, SECONDS = 500.0, 5.0
+RATE, SECONDS = 500.0, 5.0  # Hz, s
 JOINT, LINK = "joint4", "link4"  # default place of an effect
 
 

@@ -31,10 +31,13 @@ TURNS = {  # possible meanings of three orientation angles
     "fixed_xyz": lambda v: Rotation.from_euler("xyz", v),
     "moving_xyz": lambda v: Rotation.from_euler("XYZ", v),
 }
+# words that end a column's name -> component of the position, of the quaternion, number of the orientation angle
 POSITION = {"x": "x", "y": "y", "z": "z", "px": "x", "py": "y", "pz": "z", "tx": "x", "ty": "y", "tz": "z"}
 QUATERNION = {"qw": "w", "qx": "x", "qy": "y", "qz": "z", "ow": "w", "ox": "x", "oy": "y", "oz": "z"}
 THREE = {"rx": 0, "ry": 1, "rz": 2, "roll": 0, "pitch": 1, "yaw": 2, "wx": 0, "wy": 1, "wz": 2}
+# first of three words of angles -> their possible meanings
 MEANS = {"rx": (*TURNS,), "wx": ("rotation_vector",), "roll": ("fixed_xyz", "moving_xyz")}
+# words in a column's name that say it is the tag's, that it is an orientation, that it belongs to a pose
 OF_TAG = {"tag", "marker", "board", "target", "april", "apriltag", "aruco", "cam", "camera", "optical", "object"}
 OF_TURN = {"quat", "quaternion", "rotation", "orientation", "ori", "rot", "rotvec", "rvec", "euler"}
 OF_POSE = {"pose", "position", "pos", "translation", "trans", "tvec"} | OF_TURN
@@ -283,6 +286,7 @@ def _word(name: str, with_w: bool) -> str:
 
 
 def _family(word: str) -> str:
+    """Return the key of MEANS to which a word of an orientation angle belongs, such as `roll` for `yaw`."""
     return {"r": "rx", "w": "wx"}.get(word[:1], "roll") if word not in ("roll", "pitch", "yaw") else "roll"
 
 

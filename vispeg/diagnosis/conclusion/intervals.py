@@ -27,11 +27,12 @@ def share_left(before: float, after: float) -> float:
 def absorbed(fit: Fit, share: float) -> Error:
     """Return the 95 % errors of fitted values in a model whose form is wrong.
 
-    The law of an effect is wrong by a share of its trace t in the recordings. What of this lies in the span of the
-    derivatives J to its own k values has been absorbed by them and cannot be seen any more. If it is as large as the
-    share that remains, in any direction of the span alike, the covariance of the values is (share |t|)^2 / k (J'J)^-1.
-    Of one value with a trace proportional to it, this is a relative error; a shape, which changes the trace less, is
-    less certain.
+    Let t be the trace of an effect, its change of the residual in these recordings, and J the derivatives to its k
+    values. If the effect's law is wrong, the error of its trace has a part within the span of J. The fit has absorbed
+    this part in the k values, so the residual does not show it. It is taken to be as large as the part that the
+    residual shows, `share` times |t|, and equally likely in all directions of the span. Then the covariance of the
+    values is (share |t|)^2 / k (J'J)^-1. A single value to which the trace is proportional gets the relative error
+    `share`. A shape, which changes the trace less, gets a larger error.
 
     Args:
         fit: with derivatives to optimizer coordinates.
@@ -52,7 +53,7 @@ def absorbed(fit: Fit, share: float) -> Error:
 
 
 def proportional(world: World, share: float) -> Error:
-    """Return such errors where derivatives say little: a share of each value's distance from null."""
+    """Return 95 % errors that are a share of each value's distance from null, for fits with unreliable derivatives."""
     return lambda index, name: Z * share * abs(_away(world, index, name))
 
 

@@ -4,8 +4,8 @@ If several effects explain the recordings equally well, it is the motion in whic
 differ most (T-optimal design): of a menu of motions the one with the largest `sqrt(sum(((y_A - y_B) / sigma)^2))`, the
 distance of their predictions in standard deviations of the noise (Atkinson and Fedorov, Biometrika 62(1), 1975). Below
 `next_sigma` no motion is proposed, since rounding alone may cause such a difference. If the verdict is `unexplained`,
-it is a motion that shows speed, load and reversals apart. A motion already recorded is not proposed again while another
-would do. If the model is adequate, or identified without rivals, nothing is proposed.
+it is a motion that separates effects of speed, load and reversals. A motion already recorded is not proposed again
+while another would do. If the model is adequate, or identified without rivals, nothing is proposed.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ def settled(search: Searching, state: State, n_fixed: int, say: Callable[[str], 
             break
         trial, rival = min(better, key=lambda at: float(at[0].loss.sum()))
         out = next(e for e in state.world.effects if e.label == rival.label)
-        say(f"{trial.score.label} comes in the place of {out.label}")
+        say(f"{trial.score.label} replaces {out.label}")
         swapped = replace(trial, score=replace(trial.score, out=(out,)))
         search.take(state, swapped, [swapped], n_fixed)
         search.go_on(state, n_fixed)  # after the replacement, another effect may pass
@@ -106,12 +106,11 @@ def _proposed(search: Searching, state: State, n_fixed: int, say: Callable[[str]
 
     At places where the linear model cannot judge (`_beyond`), the library is screened as well.
     """
-    say("asking what may stand in the place of each effect")
+    say("screening for rivals of each effect")
     asked = {e.label: e.rivals for e in search.exchanges(state) if e.rivals}
     beyond = _beyond(search, state)
     placed = [e for e in state.world.effects[n_fixed:] if e.label in asked or e.where in beyond]
-    # bytes of derivatives per effect:
-    size = (
+    size = (  # bytes of derivatives per effect
         8
         * state.residual.size
         * (1 + len(state.world.effects))
@@ -136,7 +135,7 @@ def _proposed(search: Searching, state: State, n_fixed: int, say: Callable[[str]
 def _beyond(search: Searching, state: State) -> set[str]:
     """Return the places where the linear model cannot judge an exchange: `all`, and the joint with the largest error.
 
-    None if the error is at the noise floor. An effect shared by all joints, such as a delay, moves the arm by far more
+    Empty if the error is at the noise floor. An effect shared by all joints, such as a delay, moves the arm by far more
     than noise, so to first order it looks like a lag. In the joint with the largest error, an effect may imitate one
     without a signature, such as load-dependent friction.
     """

@@ -67,7 +67,7 @@ def decide(
         what = f"it depends on {on[0]['input']} at {on[0]['joint']}" if on else "no single input predicts it"
         text = f"an error of {times(last)} × the noise floor remains that no known effect explains; {what}"
         if farthest is not None and farthest > RULES.far:
-            text += f"; what is described worst is {floors(farthest)} × its own noise floor off"
+            text += f"; the kind of reading that is described worst is at {floors(farthest)} × its own noise floor"
         if mark is not None:
             over = f"over all readings the model leaves {floors(after)} × their noise"
             text += f"; {over}, least squares of all masses, friction and bias leaves {floors(mark)} ×"

@@ -1,4 +1,4 @@
-"""Where the model fails: the missing torque, joint by joint, and in which regime.
+"""Locate where the model fails: the missing torque of each joint, by regime.
 
 Missing torque is what must be added to the model's joint torques so that it moves as measured. A regime is a kind of
 motion: velocity reversal, high speed, high load or steady motion.

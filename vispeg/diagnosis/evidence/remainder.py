@@ -12,7 +12,7 @@ import numpy as np
 from vispeg.diagnosis.evidence.localise import MissingTorque
 from vispeg.diagnosis.schema import Remainder
 
-BINS = 24
+BINS = 24  # number of steps of a curve
 
 
 @dataclass(frozen=True)

@@ -71,7 +71,7 @@ def screen(
     """Return the scores of single effects and of groups of them, best first; those without gain are left out.
 
     Args:
-        taken: signatures of all of them, of an effect perhaps several.
+        taken: signatures at all these places, one or several of each effect.
         residual: (n,) whitened residual of the world to which the signatures are relative, on the same evidence.
         jacobian: (n, p) its derivatives to the fitted parameters, whose changes count as explained already; None if
             nothing is fitted.

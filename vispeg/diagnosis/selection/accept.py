@@ -50,7 +50,8 @@ def refusal(search: Testing, state: State, t: Trial, level: float, absent: bool)
     if beside is not None and refines < RULES.refinement and t.gain.relative < clear:
         return f"only refines {beside.label} at the same place ({100 * refines:.2g} % of what that removed)"
     if share < search.least_share:
-        return f"removes {100 * share:.2g} % of what an effect so far did, under {100 * search.least_share:.1g} %"
+        least = f"under {100 * search.least_share:.1g} %"
+        return f"removes {100 * share:.2g} % of what an accepted effect typically removed, {least}"
     if t.gain.relative < search.evidence.least_gain:
         return f"held-out gain {100 * t.gain.relative:.1f} % is under {100 * search.evidence.least_gain:.0f} %"
     if t.gain.z < (level if t.gain.relative < RULES.large else stats.norm.isf(RULES.large_level)):
@@ -67,7 +68,7 @@ def refusal(search: Testing, state: State, t: Trial, level: float, absent: bool)
 def in_order(judge: Judge, state: State, trials: list[Trial]) -> list[Trial]:
     """Return the trials that passed, led by the simplest of equals, then the rejected ones, both by held-out loss.
 
-    Of those that passed, ones whose effects all ended at a bound come last, unless one is such an equal.
+    Of those that passed, ones whose effects all ended at a bound come last, unless one is the simplest of the equals.
     """
     passed = sorted((t for t in trials if not t.rejected), key=lambda t: (not sound(t), float(t.loss.sum())))
     if passed:
@@ -135,10 +136,10 @@ def equal(
     alike: float = 0.0,
     remaining: bool = False,
 ) -> bool:
-    """Return whether held-out data cannot tell a world from a better one: it is hardly worse, or worse by chance.
+    """Return whether held-out data leave open which of two worlds is better: one is hardly worse, or worse by chance.
 
-    Hardly is relative to what the better world leaves above noise, and to what the effect removes, because no model is
-    exact.
+    It is hardly worse if the difference is a small share of the error that the better world leaves above noise, or of
+    the error that the effect removes: no model is exact, so smaller differences mean nothing.
 
     Args:
         judge: of the held-out recordings.

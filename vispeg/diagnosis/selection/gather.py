@@ -11,8 +11,8 @@ from vispeg.core.effect import EffectInstance, effect, searchable
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.screen import candidates
 from vispeg.diagnosis.findings import Score
+from vispeg.diagnosis.selection.aliases import become, lacking, overtakes
 from vispeg.diagnosis.selection.searching import Searching
-from vispeg.diagnosis.selection.shadows import become, lacking, overtakes
 from vispeg.diagnosis.selection.state import State
 
 

@@ -105,10 +105,10 @@ def _z(diff: np.ndarray) -> float:
 
 
 def present(fit: Fit, index: int) -> bool:
-    """Return whether the effect at `index` of the fit's world is present: one of its telling magnitudes is not null.
+    """Return whether the effect at `index` of the fit's world is present: one of its magnitudes is clearly not null.
 
-    That is, its 95 % interval excludes null, or it has none. Telling are the magnitudes of `Effect.telling`, by default
-    all.
+    The 95 % interval of that magnitude excludes null, or the magnitude has no interval. Only the magnitudes that
+    `Effect.telling` lists are tested, by default all.
     """
     placed = fit.world.effects[index]
     kind = effect(placed.effect)

@@ -166,12 +166,12 @@ def grow(search: Searching, state: State, placed: EffectInstance, n_fixed: int) 
     k = int(np.argmin([search.judge.mean(loss) for loss in losses]))
     crossed = state.cross, search.cross.loss_of(fits[k], fits[k].residual)
     trial = Trial(Score(starts[k], 0.0, out=(simple,)), fits[k], losses[k], search.judge.gain(state.loss, losses[k]))
-    if _stands_behind(search, state, trial, search.judge.gain(state.loss, losses[k], crossed).z):
-        search.say(f"{starts[k].label} stands behind {simple.label}")
+    if _explains_more(search, state, trial, search.judge.gain(state.loss, losses[k], crossed).z):
+        search.say(f"{starts[k].label} replaces {simple.label}, as it explains most of the remaining error")
         search.take(state, trial, [trial], n_fixed)
 
 
-def _stands_behind(search: Searching, state: State, trial: Trial, crossed: float) -> bool:
+def _explains_more(search: Searching, state: State, trial: Trial, crossed: float) -> bool:
     """Return whether a richer effect removes most of the residual above noise that the simple one leaves.
 
     `crossed` is the standard normal score of its gain, cross-fitted blocks included. A gain that is a small share of

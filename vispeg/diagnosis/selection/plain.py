@@ -135,8 +135,9 @@ class PlainSearch(Loop, Shown):
         return PlainSearch.places(self, world)
 
     def least_times(self, placed: EffectInstance, world: World, without: World) -> float:
-        """Return the multiple of the effect by which two worlds differ below which it is not named, even if it is
-        detectable.
+        """Return the least multiple of an effect's size that may be named; a smaller one is not, even if detectable.
+
+        The effect, at size 1, is what `world` has in addition to the world `without`.
         """
         return 0.0
 
@@ -177,8 +178,9 @@ class PlainSearch(Loop, Shown):
         return ""
 
     def idle(self, placed: EffectInstance, state: State, rest: State, n_fixed: int) -> bool:
-        """Return whether an effect of a state, which `rest` lacks, must not be named for a reason specific to the
-        channel.
+        """Return whether an effect of a state is to be removed for a reason specific to the channel.
+
+        `rest` is the state without it.
         """
         return False
 

@@ -47,7 +47,7 @@ def prune(search: Searching, state: State, n_fixed: int) -> None:
 
 
 def _spare(search: Searching, state: State, n_fixed: int) -> list[int]:
-    """Return the indices of group members that the fitted recordings alone show to be useless."""
+    """Return the indices of group members that are useless on the fitted recordings."""
     fit, gone = state.fit, []
     assert fit is not None
     null = null_of(fit)

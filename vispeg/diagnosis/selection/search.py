@@ -15,6 +15,7 @@ from vispeg.diagnosis.findings import Score, Trial
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.scale import floors
 from vispeg.diagnosis.selection.accept import in_order, passes, ranked
+from vispeg.diagnosis.selection.aliases import remove_aliases, remove_stuck_members
 from vispeg.diagnosis.selection.gather import gathered
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.law import grow, refined
@@ -22,7 +23,6 @@ from vispeg.diagnosis.selection.loop import Loop
 from vispeg.diagnosis.selection.pairs import all_common, pairs
 from vispeg.diagnosis.selection.proposals import Proposals
 from vispeg.diagnosis.selection.prune import prune
-from vispeg.diagnosis.selection.shadows import cast_out, dismissed
 from vispeg.diagnosis.selection.shown import Shown
 from vispeg.diagnosis.selection.state import State, without
 from vispeg.identify.evidence import Evidence
@@ -39,7 +39,7 @@ class Search(Loop, Shown, Proposals):
         evidence, judge: fitted, and of the held-out recordings.
         say: called with progress messages.
         progress: caches answers.
-        proposed: gives the effects that torques call for (`proposal`); several are one candidate of the first step.
+        proposed: gives the effects that the torques propose (`proposal`); several are one candidate of the first step.
     """
 
     @property
@@ -61,7 +61,7 @@ class Search(Loop, Shown, Proposals):
 
     def ways(self) -> Sequence[Callable[[State, int], bool]]:
         """Return the moves of the search: adding an effect, then revisions of the accepted ones."""
-        return self.advance, partial(refined, self), partial(cast_out, self), partial(gathered, self)
+        return self.advance, partial(refined, self), partial(remove_aliases, self), partial(gathered, self)
 
     def start(self, world: World, n_fixed: int | None = None) -> State:
         """Return the state at which a search begins; open effects of `world` after the first `n_fixed` are refitted."""
@@ -89,7 +89,7 @@ class Search(Loop, Shown, Proposals):
     def settle(self, state: State, trial: Trial, before: State, n_fixed: int) -> None:
         """Remove group members without effect, replace a single effect by a richer one if better, then prune."""
         if trial.score.beside:
-            dismissed(self, state, before.loss, trial.score, n_fixed)
+            remove_stuck_members(self, state, before.loss, trial.score, n_fixed)
         else:
             self._grow(state, trial.score.placed, n_fixed)
         prune(self, state, n_fixed)
@@ -101,14 +101,20 @@ class Search(Loop, Shown, Proposals):
         return enough and super().worth_it(state, n_fixed)
 
     def step(self, state: State, n_fixed: int) -> list[Trial]:
-        """Screen the library against the state, fit and judge the best; those that pass come first.
+        """Screen the library against the state, fit and judge the best candidates; those that pass come first.
 
-        At first the set that torques call for is fitted; where it passes, no groups are. The joints that miss most come
-        first, and with them everything that is no joint; the other joints, whose missing torque they may hide, only
-        where nothing passes there; then the first places count as tested too. Where nothing passes but at a bound,
-        several at once are tried in the joint that misses most: what every arm has, and where it alone comes first two
-        effects. What all joints may have is then tried, too, and in the first step unless what passes leaves no more
-        than noise.
+        The candidates are tried in this order. A group is one kind of effect that every arm has, in all joints.
+
+        1. In the first step only, the set of effects that the torques propose. If it passes, no groups are tried.
+        2. Effects of the joints that miss most torque (`suspects`) and at all places that are no joints; also groups,
+           if there are several such joints.
+        3. If nothing passed, or only candidates at a bound: several effects at once in the joint that misses most. They
+           are pairs of distant effects, unless 2 included groups, and, if a candidate passed at a bound, all effects
+           that every arm has.
+        4. Groups, if 2 did not include them: one light joint with a large error may hide the others. They are left out
+           if a candidate passed and this is a later step, or in the first step leaves only noise.
+        5. If nothing passed, effects of the other joints, whose missing torque the first joints may hide. The places
+           of 2 count as tested too.
         """
         missing = self.missing(state.world)
         near, rest, common = self.places(state, missing)
@@ -133,7 +139,7 @@ class Search(Loop, Shown, Proposals):
         return trials
 
     def _try_proposed(self, state: State, n_fixed: int, tested: int) -> list[Trial]:
-        """Fit and judge the set that torques call for; nothing of one effect, which is a candidate of its own."""
+        """Fit and judge the set that the torques propose; [] for a single effect, which is a candidate anyway."""
         proposed = self.proposed()
         if len(proposed) < 2:
             return []
@@ -158,7 +164,7 @@ class Search(Loop, Shown, Proposals):
     def places(
         self, state: State, missing: Sequence[MissingTorque]
     ) -> tuple[list[tuple[str, str]], list[tuple[str, str]], list[list[tuple[str, str]]]]:
-        """(effect, place) of the candidates to screen first, of the others, and the groups to screen with the first."""
+        """Return (effect, place) of the candidates to try first, of the others, and the groups to try with the first."""
         everywhere = list(self.evidence.items[0].robot.joints)
         first = suspects(missing, everywhere) if self.evidence.unit == "rad" else everywhere
         near = candidates(self.evidence, state.world, first)
@@ -204,9 +210,10 @@ class Search(Loop, Shown, Proposals):
         return trials
 
     def least_drop(self, state: State) -> float:
-        """Drop of the mean squared residual that a step needs, on fitted recordings that may show less than the judge.
+        """Return the drop of the fitted mean squared residual that a step needs.
 
-        A drive may saturate for a moment in one motion and for seconds in another.
+        It is smaller if the fitted recordings have less error than the held-out ones: a drive may saturate for a moment
+        in one motion and for seconds in another.
         """
         held, fitted = self.judge.mean(state.loss), float(state.residual @ state.residual) / self.evidence.count
         return max(self.evidence.least_gain * held, self.least_share * state.scale) * min(1.0, fitted / held)
@@ -312,7 +319,7 @@ class Search(Loop, Shown, Proposals):
 
 
 def suspects(missing: Sequence[MissingTorque], joints: list[str]) -> list[str]:
-    """Return the joints with a visible share of the missing torque, which an effect in a joint leaves there."""
+    """Return the joints with a visible share of the missing torque: an effect in a joint causes it in that joint."""
     z = joint_z(missing) ** 2
     order = np.argsort(-z)
     keep = [j for j in order[: RULES.suspects] if z[j] > RULES.suspect * z.max()]

@@ -1,4 +1,4 @@
-"""The interface of a search to its steps (`law`, `prune`, `shadows`, ...), so that each can be read without the other.
+"""The interface of a search to its steps (`law`, `prune`, `aliases`, ...), so that each can be read without the other.
 
 A place is (effect, where). A score is a candidate with its predicted gain, a trial a candidate fitted and judged. In
 all methods the effects of a world after the first `n_fixed` are fitted.

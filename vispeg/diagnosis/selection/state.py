@@ -32,7 +32,7 @@ class State:
         screening: scores of the last screening.
         opened: the user's model with its partial effects fitted anew; None if it has none.
         cross: cross-fitted loss on the fitted recordings (`Cross`).
-        cast_out: removals of suspected aliases that were tried: label of the world, then of the removed effects.
+        tried_removals: removals of suspected aliases that were tried: label of the world, then of the removed effects.
         slight: labels of effects that lower the held-out error, but by no visible share (`prune`).
     """
 
@@ -46,7 +46,7 @@ class State:
     screening: list[Score] = field(default_factory=list)
     opened: World | None = None
     cross: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    cast_out: set[tuple[str, ...]] = field(default_factory=set)
+    tried_removals: set[tuple[str, ...]] = field(default_factory=set)
     slight: frozenset[str] = frozenset()
 
     def take(self, fit: Fit, loss: np.ndarray) -> None:

@@ -1,10 +1,10 @@
 """Leave out stretches of a recording in which a closed loop lost the arm.
 
-Near the brink of stability (readings that come late) or in a singular posture (operational space control) a loop may
-throw the arm about at many times the speed it is made for. There errors grow from tick to tick: noise decides the
-motion, the right model diverges from the recording like any other, and this error dominates that of the rest of the
-recording. So such a stretch is excluded, and so is what follows, because a loop this close to instability takes seconds
-to forget an inexact start state. Only if too little comes before it, the part after it is used.
+At the limit of stability (readings that come late) or in a singular posture (operational space control) a loop may move
+the arm at many times its rated speed. There errors grow from tick to tick: noise decides the motion, the right model
+diverges from the recording like any other, and this error dominates that of the rest of the recording. So such a
+stretch is excluded, and so is what follows, because in a loop this close to instability the error of an inexact start
+state takes seconds to decay. Only if too little comes before it, the part after it is used.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import nominal_of
 from vispeg.worlds.world import World
 
-MOTION_HZ = 40.0  # bandwidth of velocities that were not recorded
+MOTION_HZ = 40.0  # bandwidth of velocities computed from angles, where none were recorded
 ROWS = 4096  # samples processed at a time
 SOFT = "{}: the null space lets the model drift by {:.2g} rad, so the torques that the loop asked for drive the models"
 

@@ -2,8 +2,8 @@
 
 A recording under operational space control is cut into short pieces. Each is simulated from its own measured start,
 so that an error does not grow along the whole motion. The cost is the sum over the pieces of the 2-norm of measured
-minus simulated flange positions. Insertion policies have been transferred to this arm by this protocol. It uses only
-the flange position; `vispeg fit --effects` uses all channels. For the accuracy of the values see
+minus simulated flange positions. The protocol uses only the flange position; `vispeg fit --effects` uses all channels.
+For the accuracy of the values see
 `vispeg.identify.paper.intervals`.
 """
 

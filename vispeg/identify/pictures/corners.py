@@ -11,8 +11,8 @@ from vispeg.vision.eye import delay_of
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
-PATCHES = 3  # patches of a board along each side that are told apart
-ROOM = 0  # label of the static body
+PATCHES = 3  # number of patches along each side of a board; each patch has a label of its own
+ROOM = 0  # index of the static body
 
 
 def looks_of(geometry: Geometry, sight: Sight, world: World) -> dict[int, Look]:

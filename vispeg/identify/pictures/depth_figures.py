@@ -78,7 +78,7 @@ def of_depth(kind: Effect) -> bool:
 def depth_figures(
     picture: np.ndarray, shot: Shot, again: np.ndarray | None = None, ordinary: tuple[float, float] = ORDINARY
 ) -> np.ndarray:
-    """Figures (as in `table`) of one depth picture (H, W) m, measured or modelled.
+    """Compute the figures (as in `table`) of one depth picture (H, W) m, measured or modelled.
 
     Args:
         picture: the depth.

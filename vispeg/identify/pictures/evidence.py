@@ -38,7 +38,7 @@ class BorderEvidence(Evidence):
         freed: effects that the alignment freed in addition to the usual ones.
     """
 
-    floor_from = "scatter about the aligned model, and what a look shifts edges by"
+    floor_from = "scatter about the aligned model, and shifts of edges due to appearance"
 
     def __init__(
         self,

@@ -19,7 +19,8 @@ from vispeg.identify.pictures.points import Item
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
-FIELD = (0.0, *np.geomspace(0.05, 2.0, 8).tolist())  # px RMS over the image: less does not show, more leaves the window
+# px RMS over the image: a smaller shift is not visible, a larger one is outside the window in which edges are searched
+FIELD = (0.0, *np.geomspace(0.05, 2.0, 8).tolist())
 CELLS = (6, 5)  # of the image, across and down: correlation length of a smear, finer than lens distortion
 
 

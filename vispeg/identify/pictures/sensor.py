@@ -75,7 +75,7 @@ class SensorEvidence(Evidence):
         kind: of channel.
     """
 
-    floor_from = "scatter between frames, and what a calibration repeats to"
+    floor_from = "scatter between frames, and the repeatability of a calibration"
     settled = World()
     least_change, changes_in = 1.0, "times what is ordinary"
 

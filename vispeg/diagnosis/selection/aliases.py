@@ -27,7 +27,7 @@ from vispeg.diagnosis.selection.searching import Searching
 from vispeg.diagnosis.selection.state import State, without
 
 
-def dismissed(search: Searching, state: State, before: np.ndarray, score: Score, n_fixed: int) -> None:
+def remove_stuck_members(search: Searching, state: State, before: np.ndarray, score: Score, n_fixed: int) -> None:
     """Remove the members at a bound of the group just added, if the others alone beat the loss `before` the addition.
 
     `score` is the group.
@@ -40,7 +40,7 @@ def dismissed(search: Searching, state: State, before: np.ndarray, score: Score,
             become(state, other)
 
 
-def cast_out(search: Searching, state: State, n_fixed: int) -> bool:
+def remove_aliases(search: Searching, state: State, n_fixed: int) -> bool:
     """Remove one kind of suspected alias from a state if the search without it gets further; return whether it did.
 
     The same removal is not tried twice with the same other effects, so that the search terminates.
@@ -49,14 +49,14 @@ def cast_out(search: Searching, state: State, n_fixed: int) -> bool:
         return False
     kinds = {
         "at a bound": _stuck(state, n_fixed),
-        "all joints have a delay": _again(state, n_fixed),
+        "all joints have a delay": _shared_too(state, n_fixed),
         "not what every arm has, in the joint with the greatest error": _uncommon(search, state, n_fixed),
     }
     for why, gone in kinds.items():
         asked = (state.world.label, *(e.label for e in gone))
-        if not gone or asked in state.cast_out:
+        if not gone or asked in state.tried_removals:
             continue
-        state.cast_out.add(asked)
+        state.tried_removals.add(asked)
         search.say(f"going on without {', '.join(e.label for e in gone)}: {why}")
         other = lacking(search, state, gone, n_fixed)
         if overtakes(search, state, other, n_fixed, RULES.on_steps):
@@ -80,7 +80,7 @@ def _stuck(state: State, n_fixed: int) -> list[EffectInstance]:
     return [e for e in state.world.effects[n_fixed:] if effect(e.effect).family in ("joint", "drive") and at_bound(e)]
 
 
-def _again(state: State, n_fixed: int) -> list[EffectInstance]:
+def _shared_too(state: State, n_fixed: int) -> list[EffectInstance]:
     """Return added effects of single joints of kinds that all joints may share (delays), if the world has a shared one.
 
     That one may be of another kind.
