@@ -1,4 +1,4 @@
-"""Films a stranger's way through `vispeg view`, by mouse alone, in a real browser, and says how long it took.
+"""Films a first-time user's way through `vispeg view`, by mouse alone, in a real browser, and prints the times.
 
 First from recordings to a named effect and a fallen error, then a policy in two worlds. It needs the extras view and
 learn, Playwright and Chromium.
@@ -36,19 +36,19 @@ addEventListener('DOMContentLoaded', () => {
 
 
 class Film:
-    """The journey: each step is done with the mouse and noted with its time."""
+    """A filmed session: each step is done with the mouse and noted with its time."""
 
     def __init__(self, page: Page, out: Path):
         self.page, self.out, self.begun, self.times = page, out, time.monotonic(), list[tuple[str, float]]()
 
     def note(self, what: str) -> None:
-        """Something was reached: its time, and a still."""
+        """Note the time at which something was reached, and save a picture."""
         self.times.append((what, round(time.monotonic() - self.begun, 1)))
         print(f"{self.times[-1][1]:7.1f} s  {what}", flush=True)
         self.page.screenshot(path=self.out / f"{len(self.times):02d}.jpg", type="jpeg", quality=72)
 
     def press(self, what: Locator) -> None:
-        """Move the mouse there and presses, as a hand does."""
+        """Move the mouse there and click, as a person does."""
         what.wait_for(timeout=WAIT)
         what.scroll_into_view_if_needed()
         box = what.bounding_box()
@@ -58,13 +58,13 @@ class Film:
         self.page.mouse.click(x, y)
 
     def choose(self, label: str, option: str) -> None:
-        """Give an option of a drop-down."""
+        """Choose an option of a drop-down list."""
         self.press(self.page.get_by_role("combobox", name=label, exact=True).locator("visible=true"))
         self.press(self.page.get_by_role("option", name=option, exact=True).locator("visible=true"))
 
 
 def effects(film: Film, most: int) -> None:
-    """From the map to effects that are named, one press each, until the page says that nothing is left."""
+    """Add the best candidate, at most `most` times, starting from the joint with the largest error."""
     page = film.page
     page.wait_for_selector("[data-ladder]", timeout=WAIT)
     film.note(f"the error of the model as given: {error(page)}")
@@ -80,12 +80,12 @@ def effects(film: Film, most: int) -> None:
 
 
 def error(page: Page) -> str:
-    """Give what the page says of the error, in a line."""
+    """Return the page's words about the error, in one line."""
     return " ".join(page.locator("[data-ladder] [role=status]").inner_text().split())
 
 
 def policy(film: Film, name: str, worlds: tuple[str, str]) -> None:
-    """Give a policy in two worlds, the same seed."""
+    """Play a policy in two worlds with the same seed."""
     page = film.page
     film.press(page.get_by_text("Policies", exact=True))
     film.choose("Policy", name)
@@ -101,7 +101,7 @@ def policy(film: Film, name: str, worlds: tuple[str, str]) -> None:
 
 
 def with_ffmpeg(folder: Path) -> None:
-    """Give Playwright the project's ffmpeg where it was not installed with a browser of its own."""
+    """Hand Playwright the project's ffmpeg where it was not installed with a browser of its own."""
     import playwright
 
     from vispeg.evaluation.films.video import ffmpeg

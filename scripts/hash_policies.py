@@ -1,4 +1,4 @@
-"""Writes into policy.json the hash of the weights beside it, for policies that were saved before it was kept there.
+"""Writes the hash of a policy's weights into its policy.json, for policies that were saved without it.
 
 python scripts/hash_policies.py assets/policies/*
 """
@@ -16,7 +16,7 @@ from vispeg.learn.shipped import META
 
 
 def main() -> None:
-    """Goes through the folders that are named."""
+    """Add the hash in each folder named on the command line."""
     for folder in map(Path, sys.argv[1:]):
         if not (folder / META).is_file():
             continue

@@ -13,7 +13,7 @@ from vispeg.report.drawings.figures import AFTER, BEFORE, MEASURED, MUTED, WIDE,
 
 
 def main(picture: Path, results: list[Path]) -> None:
-    """Bars with 95 % intervals, a group a policy, on white."""
+    """Draw bars with 95 % intervals, one group for each policy, on white."""
     rows = [row for path in results for row in json.loads(path.read_text(encoding="utf-8"))["rows"]]
     colours = {"as trained": MUTED, "hidden error": BEFORE, "corrected": AFTER}
     with styled():

@@ -1,4 +1,4 @@
-"""Draws the README picture of the error that falls, from a diagnosis such as `vispeg demo` leaves.
+"""Draws the README picture of the falling error, from the results of a diagnosis, such as those of `vispeg demo`.
 
 python scripts/make_error_picture.py vispeg-demo docs/img/error-falling.png
 """
@@ -14,7 +14,7 @@ from vispeg.report.record import load_record
 
 
 def main(found: Path, picture: Path) -> None:
-    """Give the ladder of the diagnosis in `found`, on white."""
+    """Draw the errors of the diagnosis in `found`, step by step, on white."""
     with styled():
         figure = ladder_figure(load_record(found))
         if figure is None:

@@ -14,7 +14,7 @@ from vispeg.report.gap.success import figure
 
 
 def main(result: Path, picture: Path) -> None:
-    """Bars with 95 % intervals, one group a world, on white."""
+    """Draw bars with 95 % intervals, one group for each world, on white."""
     with styled():
         figure(json.loads(result.read_text(encoding="utf-8")), WIDE).savefig(picture, dpi=140, facecolor="white")
 

@@ -1,4 +1,4 @@
-"""Draws a world's looks side by side, and counts what the contrast guard refuses: a contact sheet for the eye.
+"""Draws a contact sheet of a world's looks, and counts the looks that the contrast guard refuses.
 
 Each tile is a drawn world: wrist view, crop at the peg's tip, external view. The guard's counts are printed.
 
@@ -31,7 +31,7 @@ COLUMNS, TILES, SIZE = 4, 36, 80
 
 
 def world_of(source: str) -> RandomizedWorld:
-    """Give a world by name or file, or the one of the YAML block in a page of the documentation."""
+    """Return a world by name or file, or the one of the YAML block in a page of the documentation."""
     if not source.endswith(".md"):
         return load_world(source).world
     block = re.search(r"```yaml\n(.*?)```", Path(source).read_text(encoding="utf-8"), re.S)
@@ -42,7 +42,7 @@ def world_of(source: str) -> RandomizedWorld:
 
 
 def main() -> None:
-    """Draws, counts, writes the sheet."""
+    """Draw the looks, print the counts, and write the sheet."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--world", default="docs/looks.md", help="a world's name or file, or a page with a YAML block")
     parser.add_argument("--draws", type=int, default=TILES)

@@ -28,7 +28,7 @@ TUBES = {
 
 
 def loft(centres: np.ndarray, normals: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give a closed surface through ellipses.
+    """Return a closed surface through ellipses.
 
     Args:
         centres: (n, 3) m.
@@ -74,20 +74,20 @@ def tube(kind: str, length: float, bulge: float, r0: float, r1: float) -> tuple[
 
 
 def lathe(profile: list[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
-    """Give a body of revolution about z from (radius, z) in m, bottom to top."""
+    """Return a body of revolution about z from (radius, z) in m, bottom to top."""
     r, z = np.array(profile).T
     zero = np.zeros_like(z)
     return loft(np.column_stack([zero, zero, z]), np.tile([0.0, 0, 1], (len(z), 1)), np.column_stack([r, r]))
 
 
 def band(radius: float, height: float = 0.014) -> tuple[np.ndarray, np.ndarray]:
-    """Give the ring at a joint, proud of the tube."""
+    """Return the ring at a joint, which stands out from the tube."""
     h = height / 2
     return lathe([(radius, -h), (radius + 0.003, -0.7 * h), (radius + 0.003, 0.7 * h), (radius, h)])
 
 
 def parts() -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Every mesh by file stem, in the frame of its body."""
+    """Return every mesh by file stem, in the frame of its body."""
     shapes = {name: tube(*numbers) for name, numbers in TUBES.items()}
     table = [  # z, centre x, half length x, half width y: the foot with its connector panel behind
         (0.0, -0.045, 0.155, 0.108), (0.035, -0.045, 0.155, 0.108), (0.055, -0.040, 0.142, 0.100),
@@ -110,7 +110,7 @@ def parts() -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 
 def joined(*shapes: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Several closed surfaces as one mesh."""
+    """Return several closed surfaces as one mesh."""
     start = np.cumsum([0, *[len(v) for v, _ in shapes]])
     return np.vstack([v for v, _ in shapes]), np.vstack([f + s for (_, f), s in zip(shapes, start, strict=False)])
 

@@ -1,7 +1,7 @@
-"""Draws success over time of training runs, a panel a world, with 95 % bands.
+"""Draws success over time of training runs, one panel for each world, with 95 % bands.
 
-Takes a folder with a folder a run in it, each with the run's `config.yaml` and `progress.csv`; the folder's name is the
-curve's.
+The first argument is a folder with one folder for each run, which holds the run's `config.yaml` and `progress.csv` and
+gives the curve its name.
 
 python scripts/make_recipes_picture.py docs/results/recipes docs/img/recipes.png
 """
@@ -22,7 +22,7 @@ from vispeg.learn.config import read_config
 
 
 def main(folder: Path, picture: Path) -> None:
-    """One curve a run: success of the evaluation's episodes against minutes since the run began."""
+    """Draw a curve for each run: success of the evaluation's episodes against minutes since the run began."""
     runs = [
         (place, read_config(place / "config.yaml")) for place in sorted(p.parent for p in folder.glob("*/progress.csv"))
     ]

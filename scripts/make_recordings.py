@@ -4,7 +4,7 @@
     python scripts/make_recordings.py [--out FOLDER]
 
 The robot is the hidden plant of scripts/bench/hidden_effects, which shares no code with the project's own effects and
-simulation: what the demo finds in them, it finds in another program's robot. `truth.json` says what is hidden.
+simulation, so that the demo diagnoses a robot which it did not simulate itself. `truth.json` says what is hidden.
 A recording that breaks a limit of the robot is not written.
 """
 
@@ -41,8 +41,8 @@ HIDDEN = (
     Hide("coulomb_friction", "joint4", {"torque": 1.2}),
     Hide("payload", "flange", {"mass": 0.6, "x": 0.01, "y": 0.0, "z": 0.06}),
 )
-# The motion, and the share of the speed limits that its plan may reckon with: the loop is soft, so that the arm
-# overshoots what it is told, up to twice near its resonance.
+# The motion, and the share of the speed limits for which it is planned: the loop is soft, so that the arm overshoots
+# its command, up to twofold near its resonance.
 RIGS = {"rig-a": ("fourier", 0.75), "rig-b": ("mix", 0.4), "rig-c": ("fourier", 0.9)}
 
 
@@ -71,12 +71,12 @@ def main() -> int:
 
 
 def _paced(pace: float) -> Any:
-    """Give the arm for planning, as if its joints were that much slower."""
+    """Return the arm for planning, with its speed limits multiplied by `pace`."""
     return type("Paced", (Arm,), {"velocity_limit": pace * Arm.velocity_limit})
 
 
 def refuse_broken_limits(rec: Recording) -> None:
-    """Raise RuntimeError where the robot went beyond what its limits allow: no controller would have let it."""
+    """Raise RuntimeError if a recording exceeds the robot's limits, which a real controller would not allow."""
     broken = [
         j.name
         for j in check(rec, limits_of(rec)).joints
@@ -87,7 +87,7 @@ def refuse_broken_limits(rec: Recording) -> None:
 
 
 def shrink(file: Path) -> None:
-    """Single precision (1e-7 rad, far under the noise) and a tight encoding: a third of the size."""
+    """Rewrite a table in single precision (1e-7 rad, far under the noise), well compressed: a third of the size."""
     table = pq.read_table(file)
     narrow = {n: table[n] if n == "time" else table[n].cast(pa.float32(), safe=False) for n in table.column_names}
     options = {"compression": "zstd", "compression_level": 19, "use_dictionary": False, "use_byte_stream_split": True}

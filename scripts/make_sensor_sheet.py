@@ -27,7 +27,7 @@ ZOOM = 2
 
 
 def over_the_hole(scene: Scene, height: float = 0.02, aside: float = 0.015) -> np.ndarray:
-    """(nq,) with the tip above the hole and a little aside, pointing down: damped Newton steps on its pose."""
+    """Return qpos (nq,) with the tip pointing down, above the hole and a little aside, by damped Newton steps."""
     model = scene.compile()
     data, site = mujoco.MjData(model), model.site("peg_tip").id
     data.qpos[:7] = [0.0, 0.6, 0.0, -1.4, 0.0, 1.1, 0.0]
@@ -46,7 +46,7 @@ def over_the_hole(scene: Scene, height: float = 0.02, aside: float = 0.015) -> n
 
 
 def tile(depth: np.ndarray, like: np.ndarray, title: str) -> np.ndarray:
-    """Depth in colours, near red, black where there is none; the scale is that of `like`."""
+    """Return depth in colours, near red, black where there is none; the scale is that of the depth `like`."""
     low, high = np.percentile(like[like > 0], [1, 97])
     grey = (255 * (1 - np.clip((depth - low) / (high - low), 0, 1))).astype(np.uint8)
     out = cv2.applyColorMap(grey, cv2.COLORMAP_TURBO)
@@ -55,7 +55,7 @@ def tile(depth: np.ndarray, like: np.ndarray, title: str) -> np.ndarray:
 
 
 def labelled(image: np.ndarray, title: str) -> np.ndarray:
-    """Give the image (BGR) enlarged, with its title above."""
+    """Return the image (BGR) enlarged, with its title above."""
     big = cv2.resize(image, None, fx=ZOOM, fy=ZOOM, interpolation=cv2.INTER_NEAREST)
     head = np.full((16, big.shape[1], 3), 255, np.uint8)
     cv2.putText(head, title, (2, 12), cv2.FONT_HERSHEY_SIMPLEX, 0.36, (0, 0, 0), 1, cv2.LINE_AA)
@@ -63,7 +63,7 @@ def labelled(image: np.ndarray, title: str) -> np.ndarray:
 
 
 def main() -> None:
-    """Write the sheet: a row a camera."""
+    """Write the sheet, with one row for each camera."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", default="docs/img/sensor.png")
     parser.add_argument("--overwrite", action="store_true")

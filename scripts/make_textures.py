@@ -41,7 +41,7 @@ def steel(rng: RNG) -> np.ndarray:
 
 
 def cutting_mat(rng: RNG) -> np.ndarray:
-    """Give a green mat with a grid, every fourth line bolder."""
+    """Return a green mat with a grid, every fourth line bolder."""
     line = np.zeros(SIZE)
     line[::8], line[::32] = 0.35, 0.8
     grid = np.maximum(line[:, None], line[None, :]) + 0.1 * rng.random((SIZE, SIZE))
@@ -49,7 +49,7 @@ def cutting_mat(rng: RNG) -> np.ndarray:
 
 
 def fabric(rng: RNG) -> np.ndarray:
-    """Give a plain weave of two blues."""
+    """Return a plain weave of two blues."""
     y, x = np.mgrid[:SIZE, :SIZE]
     over = ((x // 4 + y // 4) % 2).astype(float)
     thread = np.where(over > 0, np.sin(np.pi * (x % 4 + 0.5) / 4), np.sin(np.pi * (y % 4 + 0.5) / 4))
@@ -100,8 +100,7 @@ TRAINING, ROWS = 20, 64  # panoramas that training worlds cycle through, and row
 
 
 def room(rng: RNG, rows: int = ROWS) -> np.ndarray:
-    """Give a room that never was, (rows, 2 rows, 3) linear light: walls, rows of windows or none, rows of lamps,
-    benches.
+    """Return an invented room, (rows, 2 rows, 3) linear light: walls, windows or none, rows of lamps, benches.
 
     Light of windows is 5 to 40 times that of walls, of lamps 10 to 60 times.
     """
@@ -134,12 +133,12 @@ def room(rng: RNG, rows: int = ROWS) -> np.ndarray:
 
 
 def ramp(t: np.ndarray, dark: tuple[float, ...], light: tuple[float, ...]) -> np.ndarray:
-    """Colours (..., 3) between `dark` at t = 0 and `light` at t = 1."""
+    """Return colours (..., 3) between `dark` at t = 0 and `light` at t = 1."""
     return np.asarray(dark) + t[..., None] * (np.asarray(light) - np.asarray(dark))
 
 
 def encoded(image: np.ndarray, ending: str) -> bytes:
-    """Give an RGB image as the bytes of a file with that ending."""
+    """Return an RGB image as the bytes of a file with that ending."""
     ok, data = cv2.imencode(ending, np.ascontiguousarray(image[..., ::-1]))
     if not ok:
         raise RuntimeError(f"OpenCV cannot write {ending}")

@@ -17,14 +17,14 @@ PAGE = ROOT / "docs" / "rules.md"
 
 
 def row(rule: Rule) -> str:
-    """Give a rule as a row of a table."""
+    """Return a rule as a row of a table."""
     values = rule.value if isinstance(rule.value, tuple) else (rule.value,)
     cells = (f"`{rule.name}`", ", ".join(f"{v:g}" for v in values), rule.decides, rule.channel, rule.evidence)
     return "| " + " | ".join(cells) + " |"
 
 
 def page() -> str:
-    """Give the page: its introduction as it is, and a table for each step."""
+    """Return the page: its present introduction, and a new table for each step."""
     parts = [PAGE.read_text(encoding="utf-8").split("\n## ", 1)[0].rstrip()]
     for step in STEPS:
         head = ["| rule | value | decides | channel | why |", "|---|---|---|---|---|"]

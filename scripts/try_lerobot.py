@@ -61,7 +61,7 @@ SMALL = {"chunk_size": 8, "n_action_steps": 8, "dim_model": 64, "n_heads": 2, "d
 
 
 def call(*command: str | Path, **more: str) -> subprocess.CompletedProcess[str]:
-    """Run a command without a hub of models; exits where it fails."""
+    """Run a command without access to the Hugging Face hub; exit if it fails."""
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | {"HF_HUB_OFFLINE": "1"} | more
     done = subprocess.run([*map(str, command)], env=environment, text=True, capture_output=True)
     if done.returncode:
@@ -70,7 +70,7 @@ def call(*command: str | Path, **more: str) -> subprocess.CompletedProcess[str]:
 
 
 def make(env: Path, version: str) -> Path:
-    """Give an environment with LeRobot in it; its interpreter."""
+    """Make an environment with LeRobot in it; return its interpreter."""
     python = env / "bin/python"
     stamp = env / f".lerobot-{version}"
     if stamp.exists():
@@ -90,7 +90,7 @@ def make(env: Path, version: str) -> Path:
 
 
 def train(python: Path, data: Path, out: Path, steps: int) -> list[float]:
-    """Losses of ACT, one a step."""
+    """Train ACT; return its loss at each step."""
     said = call(
         python.with_name("lerobot-train"),
         "--policy.type=act",
@@ -111,7 +111,7 @@ def train(python: Path, data: Path, out: Path, steps: int) -> list[float]:
 
 
 def judge(python: Path, out: Path, data: Path, episodes: int) -> list[bool]:
-    """Which episodes succeed; exits where the two ways to judge a policy do not agree."""
+    """Return which episodes succeed; exit if the two ways to judge a policy do not agree."""
     policy = out / "checkpoints" / "last" / "pretrained_model"
     world = json.loads((data / "meta" / "render.json").read_text(encoding="utf-8"))["plan"]["world"]
     how = ("--world", world, "--episodes", str(episodes), "--videos", "0", "--out", out / "ours", "--quiet")
@@ -138,7 +138,7 @@ def judge(python: Path, out: Path, data: Path, episodes: int) -> list[bool]:
 
 
 def main() -> int:
-    """Says what LeRobot made of the dataset."""
+    """Read, train and judge with LeRobot, and print the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dataset", type=Path, help="folder that `vispeg render` made")
     parser.add_argument("--version", default="0.4.4", help="of LeRobot")

@@ -2,7 +2,7 @@
 
 
 def bare(rng, joints=6):
-    """A URDF of a chain with origins and axes at random, and no shapes."""
+    """Return a URDF of a chain of `joints` joints with random origins and axes, whose links have no shapes."""
     links = "".join(
         f'<link name="l{i}"><inertial><mass value="1"/><inertia ixx=".01" iyy=".01" izz=".01" ixy="0" ixz="0" iyz="0"/>'
         "</inertial></link>"

@@ -1,4 +1,4 @@
-"""A bench that no package knows: a small arm on a desk with a printed board and two parts, in words of its user."""
+"""A bench described by its user's own MJCF file: a small arm on a desk with a printed board and two parts."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def write_bench(folder: Path) -> Path:
 
 
 def write_motion(folder: Path, name: str, phase: float) -> Path:
-    """Writes a table of commands for it: the hand moves about over the desk for eight seconds."""
+    """Writes a table of commands for the arm: the hand moves over the desk for eight seconds."""
     time = np.arange(0, 8, 0.005)
     ease = np.clip(np.minimum(time, 8 - time), 0, 1)[:, None]
     cycles = np.array([2, 3, 2, 1, 3, 2])

@@ -19,7 +19,7 @@ WRIST = "wrist_wide"
 
 
 def seen(size: tuple[int, int]) -> tuple[Geometry, Sight]:
-    """The cell with its wrist camera (width, height) px, and one frame of it at the home posture."""
+    """Return the cell with a wrist camera of `size` (width, height) px, and a sight with one frame at home."""
     scene = scene_of(CELL)
     (camera,) = cameras_of([WRIST], scene, size)
     posture = home(scene)

@@ -19,14 +19,14 @@ def plane(z: float, n: int = 1, size: int = SIZE) -> Frame:
 
 
 def step(near: float, far: float, columns: slice = slice(24, 40)) -> Frame:
-    """A near post over those columns, before a far plane."""
+    """Return depth images of a post at `near` m over these columns, before a plane at `far` m."""
     frame = plane(far)
     frame.depth[:, :, columns] = near
     return frame
 
 
 def busy(n: int = 3, shape: tuple[int, int] = (61, 64)) -> Frame:
-    """Everything a frame can hold: slopes, an edge, nothing in a corner, black, white and coloured pixels."""
+    """Return frames with slopes, an edge, a corner without readings, and black, white and coloured pixels."""
     rng = stream(0, "busy")
     v, u = np.mgrid[: shape[0], : shape[1]]
     z = (0.3 + 0.004 * v + 0.001 * u).astype(np.float32)
@@ -39,7 +39,7 @@ def busy(n: int = 3, shape: tuple[int, int] = (61, 64)) -> Frame:
 
 
 def apply(name: str, frame: Frame, *, state: dict | None = None, draw: int = 0, **values: float) -> Frame:
-    """The frame, changed in place by one effect; what is not given is at null, or at its start for a shape."""
+    """Apply one effect to a frame in place and return it; magnitudes not given are at null, shapes at their start."""
     kind = effect(name)
     full = {k: values.get(k, q.start if q.shape else q.null) for k, q in kind.params.items()}
     assert set(values) <= set(full)

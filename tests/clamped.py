@@ -40,7 +40,7 @@ def pose(x: float, y: float, z: float) -> np.ndarray:
 
 
 def written(worlds: list[World], scene=SCENE) -> tuple[mjb.Batch, Fields]:
-    """A batch with the worlds' effects in its fields, as a plant writes them."""
+    """Return a batch with the worlds' effects written into its fields, as the simulation does."""
     active = activate(scene, worlds)
     batch = mjb.Batch(compiled(scene, (a.effect.name for a in active)), len(worlds), nthread=1)
     fields = Fields(batch, scene)
@@ -52,7 +52,7 @@ def written(worlds: list[World], scene=SCENE) -> tuple[mjb.Batch, Fields]:
 
 
 def bench(worlds: list[World], tip, h: float, velocity=(0.0, 0.0, 0.0), loose: bool = True) -> mjb.Batch:
-    """The arm clamped to a straight path: the tip at `tip` (3,) m, moving at `velocity` (3,) m/s.
+    """Return a batch with the arm clamped to a straight path: the tip at `tip` (3,) m, moving at `velocity` (3,) m/s.
 
     Args:
         loose: the peg falls freely along its axis, with neither grip nor damping; else it is held as nominal.

@@ -1,4 +1,4 @@
-"""Settings for all tests: one thread a process, pictures without a display, examples that no clock decides."""
+"""Settings for all tests: one thread a process, pictures without a display, hypothesis examples without deadlines."""
 
 import gc
 import os

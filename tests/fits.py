@@ -1,4 +1,4 @@
-"""Real evidence, judges and fits for the tests of a search, whose errors a test states instead of a simulation."""
+"""Real evidence, judges and fits for the tests of a search; their errors are stated by a test, not simulated."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SETTLES = float(RULES.block * np.ceil(RULES.settle / RULES.block))  # s that are
 
 
 def still(robot: RobotModel, seconds: float = 10.0, name: str = "still", control: Control | None = None) -> Recording:
-    """A robot under position control that stays at 0, readable for so long after it has settled, at 100 Hz."""
+    """Record a robot under position control at rest, at 100 Hz; `seconds` s are compared after the settling time."""
     nj = len(robot.joints)
     time = np.arange(round((SETTLES + seconds) * RATE)) / RATE
     control = control or Control("position", RATE, "none", np.full(nj, 60.0), np.full(nj, 4.0))
@@ -47,7 +47,7 @@ def judge() -> Judge:
 
 
 def lost(values: np.ndarray | float) -> np.ndarray:
-    """The loss (nblock, 1) on that recording of a world that leaves these mean squared residuals in its 40 blocks."""
+    """Return the loss (nblock, 1) of a world with these mean squared residuals in the 40 blocks of `evidence`."""
     loss = np.zeros_like(judge().size)
     loss[judge().size > 0] = 25.0 * np.broadcast_to(np.ravel(values), 40)
     return loss

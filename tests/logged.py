@@ -1,4 +1,4 @@
-"""Logs as robots and tools write them, for an arm of seven joints: their headers, and what has to come back."""
+"""Logs of an arm of seven joints in the styles of several robots and tools, and the signals to be found in them."""
 
 import gzip
 
@@ -17,7 +17,7 @@ def numbered(pattern, values, first=0, order=range(7)):
     return {pattern.format(k + first): values[:, j] for k, j in enumerate(order)}
 
 
-STYLES = {  # columns -> what has to come back
+STYLES = {  # style -> (columns, signals that an import must find)
     "own words": (
         {"t_ms": 1e3 * TIME} | numbered("pos_{} [deg]", np.degrees(Q), 1) | numbered("load_{}_mNm", 1e3 * TAU, 1),
         ("q", "tau"),

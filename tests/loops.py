@@ -114,7 +114,7 @@ def iiwa_segment(mode: str = "position", seconds: float = 1.0, name: str = "four
 
 
 def servo_motion(s: Segment) -> tuple[np.ndarray, ...]:
-    """What a segment holds beside its control and commands."""
+    """Return the fields of a segment other than its control, tick and commands."""
     return s.q, s.dq, s.q_raw, s.time, s.rows
 
 

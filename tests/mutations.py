@@ -1,4 +1,4 @@
-"""Every damage of one place that a file can have: values of another kind, keys gone or new, what is no file at all."""
+"""Damage a file in one place: a value of another kind, a missing or new key, or something that is no regular file."""
 
 import copy
 import json
@@ -18,7 +18,7 @@ FILES = ["missing", "empty", "half", "garbage", "folder", "fifo", "loop", "utf16
 
 
 def values(data: Any, bad: list[Any] = BAD, most: int = 3) -> Iterator[tuple[str, Any]]:
-    """What was changed, and the data with that change. Of lists only the first `most` entries are changed."""
+    """Yield each change in words, and the data with it. In lists only the first `most` entries are changed."""
     for way in list(_ways(data, most)):
         place = ".".join(map(str, way)) or "all"
         for value in bad:
@@ -58,7 +58,7 @@ def json_files(path: Path, every: int = 1, **more: Any) -> Iterator[str]:
 
 
 def files(folder: Path, names: list[str]) -> Iterator[str]:
-    """Makes each of the files something else, one after the other."""
+    """Replace each of the files by something else, one at a time; yield what was done."""
     for name in names:
         path = folder / name
         content = path.read_bytes()
@@ -89,7 +89,7 @@ def _flipped(content: bytes) -> bytes:
 
 @contextmanager
 def kept(path: Path) -> Iterator[None]:
-    """The file is afterwards as it was."""
+    """Restore the file after the block."""
     content = path.read_bytes()
     try:
         yield
@@ -102,7 +102,7 @@ def kept(path: Path) -> Iterator[None]:
 
 
 def tried(action: Callable[[], Any]) -> str:
-    """How an action ends: `fine`, one line of a UserError, or `TRACEBACK ...`."""
+    """Return how an action ends: `fine`, one line of a UserError, or `TRACEBACK ...`."""
     try:
         found = action()
     except UserError as error:
@@ -114,5 +114,5 @@ def tried(action: Callable[[], Any]) -> str:
 
 
 def unclear(outcomes: dict[str, str]) -> list[str]:
-    """The changes that ended in a traceback."""
+    """List the changes that ended in a traceback."""
     return [f"{what}: {how}" for what, how in outcomes.items() if how.startswith("TRACEBACK")]

@@ -1,11 +1,11 @@
-"""What a command has written, to be compared with what another run of it wrote."""
+"""Collect the files that a command has written, to compare two runs of it."""
 
 import json
 from pathlib import Path
 
 
 def results(folder: Path) -> dict[str, bytes]:
-    """What a command has written, but for how it was called and how long it took."""
+    """Return the content of each file below a folder, without how the command was called and how long it took."""
     return {
         file.relative_to(folder).as_posix(): _timeless(file)
         for file in sorted(folder.rglob("*"))

@@ -41,7 +41,7 @@ def recorded(effects: tuple[EffectInstance, ...] = (), seed: int = 0, turned: bo
 def recorded_together(
     plants: Sequence[tuple[EffectInstance, ...]], seed: int = 0, turned: bool = False
 ) -> list[Recording]:
-    """The same of several plants side by side."""
+    """Return such recordings of several plants, simulated side by side; repeated requests are cached."""
     keys = [repr((effects, seed, turned)) for effects in plants]
     lacking = {k: effects for k, effects in zip(keys, plants, strict=True) if k not in MADE}
     if lacking:

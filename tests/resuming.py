@@ -1,4 +1,4 @@
-"""Kills a diagnosis and lets it go on: it ends in the very bytes of one that was not killed."""
+"""Stop a diagnosis and resume it: its result has the same bytes as that of an uninterrupted one."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import vispeg
 
 
 class Killed(Exception):
-    """What stands for a signal."""
+    """Raised in place of a signal that ends the process."""
 
 
 def resumed(model: Path, recordings: tuple[Path, Path], folder: Path, when: str, **options) -> None:
-    """Kills a diagnosis when it says `when`, lets it go on, and holds the result against one that was not killed."""
+    """Stop a diagnosis at its message `when`, resume it, and compare the result with an uninterrupted one."""
     said: list[str] = []
 
     def kill(text: str) -> None:

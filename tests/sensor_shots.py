@@ -1,4 +1,4 @@
-"""Frames of a cell as a sensor delivers them, of which all but the sensor is known."""
+"""Frames of a cell seen through a sensor; everything about them except the sensor is known."""
 
 from __future__ import annotations
 

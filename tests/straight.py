@@ -1,4 +1,4 @@
-"""Contact whose errors a test states: blocks with chosen phases and forces, and a residual that is a straight line."""
+"""Contact evidence with errors that a test states: chosen phases and forces, and a residual linear in parameters."""
 
 from __future__ import annotations
 
@@ -80,8 +80,8 @@ class Straight(ContactEvidence):
 
     Attributes:
         hidden: (n,) residual of the nominal cell, n a multiple of 6.
-        slopes: by (effect, parameter) what one unit of it, beyond its null, takes from the residual, (n,).
-        asked: how often residuals were worked out, whatever for.
+        slopes: (effect, parameter) -> drop of the residual (n,) per unit of the parameter's distance from null.
+        asked: how often residuals were computed.
     """
 
     def __init__(self, hidden: np.ndarray, slopes: Mapping[tuple[str, str], np.ndarray]):
@@ -98,7 +98,7 @@ class Straight(ContactEvidence):
             yield self.residual(world)
 
     def residual(self, world: World) -> np.ndarray:
-        """Draw the line to a world."""
+        """Return the residual (n,) of a world."""
         out = self.hidden.copy()
         for e in world.effects:
             for name, value in e.params.items():
@@ -107,14 +107,14 @@ class Straight(ContactEvidence):
         return out
 
     def residuals_in_part(self, worlds: Sequence[World]) -> list[np.ndarray]:
-        """Give a part of the squares, alike in all blocks."""
+        """Return residuals of which each block has the same share `1 / PART` of the squares."""
         return [r / PART**0.5 for r in self.residuals(worlds)]
 
     def as_read(self, world: World) -> float:
-        """Give the squared residual: nothing is allowed for."""
+        """Return the squared residual, without any nuisance."""
         return float(np.sum(self.residual(world) ** 2))
 
 
 def search(evidence: Straight, judged: Straight | None = None) -> ContactSearch:
-    """A search for effects in such contact, judged by the same where nothing else is given."""
+    """Return a search for effects in such contact; it is judged on `evidence` itself if `judged` is None."""
     return ContactSearch(evidence, Judge(evidence if judged is None else judged))

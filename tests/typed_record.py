@@ -1,4 +1,4 @@
-"""Holds plain data to a TypedDict, nested ones included: every key that is required, none that is unknown."""
+"""Compare plain data with a TypedDict, nested ones included: required keys, unknown keys, and types."""
 
 from collections.abc import Mapping, Sequence
 from types import NoneType, UnionType
@@ -6,7 +6,7 @@ from typing import Any, NotRequired, Union, get_args, get_origin, get_type_hints
 
 
 def mistakes(kind: Any, value: Any, at: str = "record") -> list[str]:
-    """What of a value is not as its type says."""
+    """List where a value differs from its type."""
     if kind is Any:
         return []
     if is_typeddict(kind):

@@ -81,7 +81,7 @@ _PLACES = {
 
 
 def __getattr__(name: str) -> object:
-    """Give a name of the public face, on its first use."""
+    """Return a name of the public face, on its first use."""
     if name == "effects":
         return import_module("vispeg.effects")
     if name not in _PLACES:

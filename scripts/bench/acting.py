@@ -1,9 +1,9 @@
-"""What a policy costs at play, each row by itself, beside the step of the environment that it acts in (CPU time).
+"""Measure the CPU time that a policy takes to act, row by row, and that of an environment step for comparison.
 
     python scripts/bench/acting.py --block 8
 
-Columns: rows, ms that the policy takes for all of them, ms with rows in blocks (as no policy plays: what a row gets
-then depends, on some processors, on its place in its block), ms of one step of the environment in world S.
+Columns: rows, ms that the policy takes for all of them, ms if rows are computed in blocks (not done in play, because on
+some processors a row's result then depends on its place in the block), ms of one environment step in world S.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def main() -> None:
 
 
 def acted(policy: NetPolicy, parts: dict[str, torch.Tensor], block: int) -> None:
-    """Actions of rows in blocks, the last one filled up."""
+    """Compute the actions of rows in blocks; the last block is filled up."""
     n = len(parts["policy"])
     with torch.inference_mode():
         for at in range(0, n, block):
@@ -53,7 +53,7 @@ def acted(policy: NetPolicy, parts: dict[str, torch.Tensor], block: int) -> None
 
 
 def cost(call: Callable[[], object]) -> float:
-    """Ms of CPU time, the least of several tries."""
+    """Return the CPU time of a call in ms, the least of several tries."""
     call()
     found = []
     for _ in range(REPEATS):

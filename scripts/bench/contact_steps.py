@@ -1,4 +1,4 @@
-"""How fine must the physics be? One scripted episode at each number of substeps, against the finest.
+"""Measure the error of the physics step: a scripted episode at each number of substeps, compared with the finest.
 
     python scripts/bench/contact_steps.py
 

@@ -1,4 +1,4 @@
-"""Real tosses of a cube: what `vispeg.diagnose` finds in two halves, and in windows of 41 ms, 162 ms and whole tosses.
+"""Diagnose real tosses of a cube, fitted to either half of them, in windows of 41 ms, 162 ms and whole tosses.
 
     python scripts/bench/cube_tosses.py DATA --out docs/results/cube_tosses.json
 
@@ -31,7 +31,7 @@ AUTHORS = {"friction": 0.18, "restitution": 0.125}
 
 
 def halves(data: Path, most: int):
-    """Give the even and the odd tosses, at most `most` each."""
+    """Return the even and the odd tosses, at most `most` of each."""
     from vispeg.recordings.importers.objects import import_object
 
     rec = import_object(data / "tosses.npz", "cube", RATE)
@@ -42,7 +42,7 @@ def halves(data: Path, most: int):
 
 
 def main() -> int:
-    """Diagnoses each half against the other, prints and writes the table."""
+    """Fit each half and judge it on the other; print and write the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, help="folder with tosses.npz")
     parser.add_argument("--tosses", type=int, default=285, help="of each half")

@@ -1,4 +1,4 @@
-"""Where the time of `vispeg render` goes, and what share of it is the renderers' own.
+"""Measure where the time of `vispeg render` goes, and the share that the renderers take.
 
     python scripts/bench/datasets.py [--world S] [--looks 4] [--shards 2] [--no-labels] [--json out.json]
 
@@ -6,9 +6,9 @@ Makes whole shards in this process, from the plan to the file's bytes, and notes
 renderers' part is that of drawing every frame through every camera, labels and shadows as asked: what `vispeg render`
 would cost if nothing else did. Every worker does the same, so the share is that on all cores, but for start-up.
 
-The line below the table says how much of the other parts is spent in the libraries beneath: MuJoCo's physics steps and
-the controller's kinematics, drawing for the guard, OpenCV's encoder and filters, Arrow's writer. The share that is left
-if nothing else took time is the bound.
+The line below the table says how much of the other parts is spent in libraries: MuJoCo's physics steps and the
+controller's kinematics, drawing for the guard, OpenCV's encoder and filters, Arrow's writer. The bound is the share of
+the renderers if only they and these libraries took time.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ PARTS: tuple[tuple[str, Any, str], ...] = (
 
 
 def beneath(clock: Clock) -> None:
-    """Count what the libraries beneath take, wherever they are called from."""
+    """Count the time of the libraries, wherever they are called from."""
     import cv2
     import pyarrow.parquet as pq
 

@@ -1,4 +1,4 @@
-"""What a diagnosis costs: wall and processor seconds, memory, and how cost grows with recordings and candidates.
+"""Measure the cost of a diagnosis: wall and processor seconds, memory, growth with recordings and candidates.
 
     python scripts/bench/diagnosis.py [--seconds 10] [--threads 2] [--only-growth]
 

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Makes a long recording, so that reading, `check`, `compare` and `diagnose` can be timed on it.
+"""Makes a long recording, on which reading, `check`, `compare` and `diagnose` can be timed.
 
     python scripts/bench/long_recording.py --minutes 30 --rate 1000 --joints 7 --out long
     /usr/bin/time -v vispeg check long
 
-Seven joints are an iiwa14, of which `compare` can say something: a pick-and-place day, long rests and slow moves with
-a few fast ones. Another number is a chain of that many links with a URDF beside it.
+With seven joints the robot is an iiwa14, so that `compare` has a model: long rests and slow moves with a few fast ones,
+as in pick and place. With another number it is a chain of that many links, whose URDF is written too.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ GAINS = (400.0, 600.0, 150.0, 300.0, 30.0, 40.0, 4.0), (20.0, 50.0, 5.0, 15.0, 0
 
 
 def moves(time: np.ndarray, nj: int, rng: np.random.Generator) -> np.ndarray:
-    """Angles (n, nj): minimum-jerk moves between random places, most of them slow, with rests between."""
+    """Return angles (n, nj) rad: minimum-jerk moves between random places, most of them slow, with rests between."""
     knots, places = [0.0], [np.zeros(nj)]
     while knots[-1] < time[-1]:
         knots += [knots[-1] + rng.uniform(1.0, 8.0)] * 1

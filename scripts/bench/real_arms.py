@@ -7,8 +7,8 @@ model, each fitted on the same recordings and judged on the same others; `diagno
 names, `likely` is what `diagnose` says first, from a linear model of torques; `least squares` is of all inertial
 parameters with friction and bias (torques only; it is no model). With `--short` nothing is diagnosed or fitted.
 
-FOLDER keeps the rows, the commands' results (FOLDER/panda/diagnose/report.html) and where each stands: a run that was
-killed goes on, and what is there is not worked out again. Processor seconds are those of all its runs.
+FOLDER keeps the rows, the commands' results (FOLDER/panda/diagnose/report.html) and their progress: a run that was
+killed resumes, and finished results are reused. Processor seconds are those of all runs.
 """
 
 from __future__ import annotations
@@ -121,12 +121,12 @@ class Bench:
         return out
 
     def errors(self, world: World) -> np.ndarray:
-        """(nj + 1,) RMS error of each joint's principal channel, and of all."""
+        """Return the RMS error (nj + 1,) of each joint's principal channel, and of all joints."""
         pairs = zip(self.judged.items, self.judged.simulated([world]), strict=True)
         return _rms(self.judged, [i.measured[:, : i.nj] - y[0][:, : i.nj] for i, y in pairs])
 
     def rows(self, short: bool = False) -> list[dict]:
-        """Each way's name, errors and processor seconds, and what it has to say; of a diagnosis behind the given."""
+        """Return each way's name, errors, processor seconds and remark."""
         given = {"way": "the model as given", "errors": self.errors(self.world).tolist(), "seconds": 0.0}
         rows = [given, *([] if short else [self._row("diagnose", self._diagnosed), self._row("fit", self._fit)])]
         rows.append(self._row("likely", self._proposed))

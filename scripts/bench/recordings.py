@@ -22,7 +22,7 @@ HERE = Path(__file__).resolve().parent
 
 
 def run(*command: str) -> tuple[float, float, float]:
-    """Wall and CPU seconds and peak MB of a command. Raises RuntimeError where it fails."""
+    """Run a command; return its wall and CPU seconds and peak MB. Raises RuntimeError if it fails."""
     start = time.monotonic()
     child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     said = child.stderr.read() if child.stderr else b""
@@ -33,7 +33,7 @@ def run(*command: str) -> tuple[float, float, float]:
 
 
 def made(folder: Path, **options: object) -> Path:
-    """Give a recording, made unless it is there."""
+    """Return the folder of a recording, which is made first if it does not exist."""
     if not folder.exists():
         flags = [text for name, value in options.items() for text in (f"--{name}", str(value))]
         run(sys.executable, str(HERE / "long_recording.py"), "--out", str(folder), *flags)

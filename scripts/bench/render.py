@@ -1,4 +1,4 @@
-"""How fast the cell is drawn, against MuJoCo's own ways, all in one run and taking turns.
+"""Measure how fast the cell is drawn, compared with MuJoCo's own renderers, in one run.
 
     python scripts/bench/render.py [--frames 60] [--rounds 5] [--json out.json] [--backends raycast filament]
 
@@ -74,7 +74,7 @@ class Defaults:
 
 
 class Raw:
-    """What anyone would write: `mjv_updateScene`, `mjr_render`, `mjr_readPixels`, no shadows, no multisampling."""
+    """Plain MuJoCo: `mjv_updateScene`, `mjr_render`, `mjr_readPixels`, without shadows and multisampling."""
 
     def __init__(self, scene, camera, depth: bool = True):
         self.model = scene.compile()
@@ -118,7 +118,7 @@ def ours(scene, cameras, backend: str = "classic", shadows: bool = False, **opti
 
 
 def make(name: str) -> Callable[[np.ndarray], object]:
-    """Give what draws a frame of a row."""
+    """Return the function that draws a frame of a row."""
     scene = build()
     cameras = standard_cameras(scene.tip, scene.config.fixture)
     wide = cameras[:1]
@@ -153,7 +153,7 @@ SHARE = {  # of the frames that a row draws in a round: the slow ones fewer
 
 
 def work(pipe: Connection, name: str, frames: int) -> None:
-    """Give a row's process: draws a round whenever asked, answers with (wall, processor) ms a frame."""
+    """Run a row's process: draw a round at each request, and answer with (wall, processor) ms for each frame."""
     draw, poses = make(name), configurations(8, frames)
     for q in poses[:3]:
         draw(q)

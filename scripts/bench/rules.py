@@ -1,4 +1,4 @@
-"""What each rule of a diagnosis (docs/rules.md) does: development cases of hidden effects with other values of it.
+"""Measure the influence of each rule of a diagnosis (docs/rules.md), by development cases with other values of it.
 
     python scripts/bench/rules.py --make DIR --rules tie=0 name_costs --cases "coulomb_friction/joint4/*" --limit 2
 
@@ -36,7 +36,7 @@ Value = float | tuple[float, ...]
 
 
 def trials(asked: list[str]) -> list[dict[str, Value]]:
-    """Give the values to try: none changed, then those of each `NAME` or `NAME=VALUE`."""
+    """Return the sets of changed values to try: first none; then VALUE for `NAME=VALUE`, half and double for `NAME`."""
     out: list[dict[str, Value]] = [{}]
     for text in asked:
         name, _, given = text.partition("=")
@@ -59,7 +59,7 @@ def _times(value: Value, factor: float) -> Value:
 
 
 def run(root: Path, case: Case, values: dict[str, Value]) -> dict:
-    """Give what a diagnosis of a case says with these values."""
+    """Diagnose a case with these values; return the results."""
     first, second, last = (load(folder) for folder in folders(root, case))
     start = time.process_time()
     with varied(**values):
@@ -77,7 +77,7 @@ def run(root: Path, case: Case, values: dict[str, Value]) -> dict:
 
 
 def difference(base: dict, other: dict) -> str:
-    """Give what changed, in words; the processor time always."""
+    """Return in words which results changed, and the processor time."""
     changed = [
         f"{key} {base[key]} > {other[key]}"
         for key in ("verdict", "names", "rivals", "error")

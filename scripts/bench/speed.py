@@ -1,9 +1,9 @@
-"""Every benchmark of speed in one run, one after the other; their tables go into docs/results/speed.md.
+"""Run every benchmark of speed, one after the other, and write their tables into docs/results/speed.md.
 
     python scripts/bench/speed.py docs/results/speed.md [--robosuite PATH_TO_ITS_PYTHON] [--only task images]
 
-What a benchmark prints stands on the page between `<!-- measured: NAME -->` and `<!-- end -->`; the text about it is
-written by hand. The line of `machine` says when, at which commit, on how many processors and beside how much work.
+The output of a benchmark goes between `<!-- measured: NAME -->` and `<!-- end -->`; the text around it is written by
+hand. The line of `machine` states the date, the commit, the number of processors and the load of the machine.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ BESIDE = ("task", "images")  # those that robosuite runs beside
 
 
 def filled(page: str, name: str, measured: str) -> str:
-    """Put what was measured into its place on a page.
+    """Return a page with a benchmark's output in its place.
 
     Raises:
         ValueError: the page has no such place, or several.
@@ -45,7 +45,7 @@ def filled(page: str, name: str, measured: str) -> str:
 
 
 def ran(name: str, robosuite: str | None) -> str:
-    """Run a benchmark; give what it printed. Raises CalledProcessError where it fails."""
+    """Run a benchmark and return its output. Raises CalledProcessError if it fails."""
     script, *more = BENCHES[name]
     more += ["--robosuite", robosuite] if robosuite and name in BESIDE else []
     command = [sys.executable, str(HERE / script), *more]
@@ -53,7 +53,7 @@ def ran(name: str, robosuite: str | None) -> str:
 
 
 def machine() -> str:
-    """Say when and where this is measured."""
+    """Return a line on the date, the commit and the machine of these measurements."""
     describe = subprocess.run(["git", "rev-parse", "--short=8", "HEAD"], capture_output=True, text=True, check=True)
     today = date.today()
     return (

@@ -51,7 +51,7 @@ def gains(control: Control) -> tuple[np.ndarray, np.ndarray]:
 
 
 def truth(robot: RobotModel, control: Control, seconds: float, seed: int) -> Recording:
-    """Give a recording of plain MuJoCo with friction and armature, read with noise that is not fed back."""
+    """Return a recording of plain MuJoCo with friction and armature, read with noise that is not fed back."""
     kp, kd = gains(control)
     m = motion("fourier", robot, 1 / TICK, seconds, stream(seed, "sysid", "motion"))
     model = robot.spec().compile()
@@ -74,7 +74,7 @@ def truth(robot: RobotModel, control: Control, seconds: float, seed: int) -> Rec
 
 
 def world(robot: RobotModel, values: dict[str, np.ndarray]) -> World:
-    """Give the nominal arm with both effects in every joint."""
+    """Return the nominal arm with both effects in every joint."""
     return World().add(
         *(EffectInstance.of(name, j, **{START[name][0]: float(x)}) for name, v in values.items()
           for j, x in zip(robot.joints, v, strict=True))
@@ -107,7 +107,7 @@ class Sysid:
             )
 
     def parameters(self) -> sysid.ParameterDict:
-        """Give the 14 parameters, with vispeg's start values and bounds."""
+        """Return the 14 parameters, with vispeg's start values and bounds."""
         out = sysid.ParameterDict()
         for name, field in (("coulomb_friction", "frictionloss"), ("rotor_inertia", "armature")):
             param, start = START[name]

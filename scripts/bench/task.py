@@ -1,4 +1,4 @@
-"""How fast the task is: simulated seconds per CPU second, beside raw physics and beside robosuite.
+"""Measure the speed of the task, in simulated seconds per CPU second, and that of raw physics and of robosuite.
 
     python scripts/bench/task.py [--rows 1 4 16 64] [--seconds 8] [--images] [--robosuite PATH_TO_ITS_PYTHON]
 
@@ -101,12 +101,12 @@ class Tape:
         self.cell.advance = record
 
     def mark(self) -> None:
-        """Give the states at the beginning of a policy step."""
+        """Return the states at the beginning of a policy step."""
         self.states.append((self.cell.qpos.copy(), self.cell.qvel.copy()))
 
 
 def actions(rows: int, steps: int) -> np.ndarray:
-    """Give (steps, rows, 3) in [-1, 1]."""
+    """Return (steps, rows, 3) in [-1, 1]."""
     out = stream(0, "bench", rows).uniform(-1, 1, (steps, rows, 3))
     return np.clip(out - [0, 0, LEAN], -1, 1)
 

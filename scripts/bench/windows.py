@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""What the chosen windows of a long recording can tell, beside as many evenly spread ones and beside its beginning.
+"""Compare the chosen windows of a long recording with as many evenly spread ones, and with its beginning.
 
     python scripts/bench/long_recording.py --table parquet --out long
     python scripts/bench/windows.py long
 
-For each way of choosing: the standard deviation that torque noise of 0.2 N m leaves on each parameter, of the joint
-where it is worst.
+For each way of choosing, the table has the standard deviation of each parameter due to torque noise of 0.2 N m, for the
+joint where it is largest.
 """
 
 from __future__ import annotations

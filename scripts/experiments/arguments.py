@@ -27,12 +27,12 @@ def parser(about: str) -> argparse.ArgumentParser:
 
 
 def budget(given: argparse.Namespace) -> Budget:
-    """Give the budget on the command line."""
+    """Return the budget on the command line."""
     return Budget(given.steps, given.every, given.judged)
 
 
 def told(main: Callable[[], None]) -> None:
-    """Run `main`; a user's mistake is one line and exit status 2."""
+    """Run `main`; report a user's mistake in one line, with exit status 2."""
     try:
         main()
     except UserError as error:

@@ -1,4 +1,4 @@
-"""What a camera's error costs a policy, and what is left of that once the error is corrected as a diagnosis found it.
+"""Measure the effect of a camera's error on a policy's success, before and after the correction that a diagnosis found.
 
 The same episodes are played three times: with the camera that the policy was trained for, with the hidden error, and
 with what is left of it when the camera is set right by the values in FOUND (hidden less found, or their ratio where a
@@ -29,7 +29,7 @@ TRUE, HIDDEN, CORRECTED = "as trained", "hidden error", "corrected"
 
 
 def left_of(hidden: EffectInstance, found: Sequence[EffectInstance]) -> EffectInstance:
-    """Give what remains of an effect once the one of its name and place is taken off; all of it if none was found."""
+    """Return what remains of a hidden effect once the found one of its name and place is subtracted; all if none is."""
     same = [e for e in found if (e.effect, e.where) == (hidden.effect, hidden.where)]
     if not same:
         return hidden
@@ -41,19 +41,19 @@ def left_of(hidden: EffectInstance, found: Sequence[EffectInstance]) -> EffectIn
 
 
 def spurious(hidden: Sequence[EffectInstance], found: Sequence[EffectInstance]) -> list[EffectInstance]:
-    """Give what was corrected though it was not there: it is an error now, the other way round."""
+    """Return the found effects that were not hidden, with the opposite sign: correcting them adds this error."""
     have = {(e.effect, e.where) for e in hidden}
     extra = [e for e in found if (e.effect, e.where) not in have]
     return [left_of(EffectInstance.of(e.effect, e.where), [e]) for e in extra]
 
 
 def changes(effects: Sequence[EffectInstance]) -> tuple[Change, ...]:
-    """Effects as what a world is changed by."""
+    """Return the effects in the form in which a world is changed by them."""
     return tuple(Change(e.effect, {k: v.value for k, v in e.params.items()}, e.where) for e in effects)
 
 
 def nulls(effects: Sequence[EffectInstance]) -> tuple[Change, ...]:
-    """Give the same places with nothing there, so that what the world draws of them is gone everywhere."""
+    """Return the effects at null, so that whatever the world draws for them is removed in all episodes."""
     return changes([EffectInstance.of(e.effect, e.where) for e in effects])
 
 

@@ -47,13 +47,13 @@ ASIDE = 1e-6  # m
 
 
 def placed(text: str) -> EffectInstance:
-    """Give an effect as the command line writes it, EFFECT:WHERE:param=value,.."""
+    """Return an effect as the command line writes it, EFFECT:WHERE:param=value,.."""
     name, where, params = text.split(":")
     return EffectInstance.of(name, where, **{k: float(v) for k, v in (p.split("=") for p in params.split(","))})
 
 
 def corrected(case: Sequence[str], by: str, folder: Path) -> Path:
-    """Give the model.yaml of a case's recordings, by `diagnose` or `fit`; made where it is not there yet."""
+    """Return the model.yaml of a case's recordings, by `diagnose` or `fit`; made where it is not there yet."""
     found = folder / by / "model.yaml"
     if found.is_file():
         return found
@@ -73,7 +73,7 @@ def corrected(case: Sequence[str], by: str, folder: Path) -> Path:
 
 
 def worlds(case: Sequence[str], model: Path, base: str, folder: Path) -> dict[str, Path]:
-    """Give the world files of a case: nominal, corrected by `model:` at its values, hidden, and the hidden one
+    """Return the world files of a case: nominal, corrected by `model:` at its values, hidden, and the hidden one
     again.
     """
     hidden = {(e.effect, e.where): _values(e) for e in map(placed, case)}

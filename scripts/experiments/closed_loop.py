@@ -1,4 +1,4 @@
-"""From failed trials to their cause, its cure, and back: hidden cells, each drawn and sealed, one after the other.
+"""Go from failed trials to their cause, to its correction, and to new trials, in cells with a hidden effect.
 
 In each cell a policy is played (`--run`: by `vispeg run` on a robot in another process), the arm and the camera are
 recorded, what the model lacks is diagnosed, the trials are explained by it, the policy is fine-tuned in the corrected
@@ -101,7 +101,7 @@ def diagnosed(place: Path, effect: dict[str, Any]) -> Path:
 
 
 def success(place: Path, name: str, world: object) -> dict[str, float]:
-    """Give the success of all policies in a world, by policy."""
+    """Return the success of all policies in a world, by policy."""
     if not (place / name).exists():
         command(
             "evaluate", POLICY, *OTHERS, "--world", world, "--episodes", JUDGED, "--videos", 0, "--out", place / name
@@ -111,7 +111,7 @@ def success(place: Path, name: str, world: object) -> dict[str, float]:
 
 
 def cured(place: Path, world: Path) -> tuple[Path, str]:
-    """Fine-tune the policy in the corrected world, which anybody may play; also say who demonstrated."""
+    """Fine-tune the policy in the corrected world; also return which policy demonstrated."""
     if not (place / "teaching").exists():
         argv = ("--world", world, "--episodes", 20, "--seed", 2, "--videos", 0, "--out", place / "teaching")
         command("evaluate", "expert", *argv)
@@ -129,7 +129,7 @@ def cured(place: Path, world: Path) -> tuple[Path, str]:
 
 
 def cell(out: Path, number: int, seed: int, episodes: int, robot: bool) -> dict[str, Any]:
-    """One cell from its trials to the success after the cure."""
+    """Run one cell, from its first trials to the success after fine-tuning."""
     place, begun = out / f"cell-{number}", time.process_time()
     place.mkdir(parents=True, exist_ok=True)
     if (place / "cell.json").exists():
@@ -167,7 +167,7 @@ def cell(out: Path, number: int, seed: int, episodes: int, robot: bool) -> dict[
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
-    """Give the table of docs/results/policies.md."""
+    """Return the table of docs/results/policies.md."""
 
     def rate(ends: list[bool] | None) -> str:
         if ends is None:

@@ -38,7 +38,7 @@ class Curve:
 
 
 def read_curve(path: Path) -> Curve:
-    """Give the curve of a run's progress.csv.
+    """Return the curve of a run's progress.csv.
 
     Raises:
         UserError: no such file, or no row in it.
@@ -78,7 +78,7 @@ def together(curves: Sequence[Curve]) -> dict[str, Any]:
 
 
 def _at(curves: Sequence[Curve], name: str, steps: Sequence[int]) -> np.ndarray:
-    """Give a quantity (seeds, len(steps)) at these steps."""
+    """Return a quantity (seeds, len(steps)) at these steps."""
     return np.array([getattr(c, name)[np.searchsorted(c.steps, steps)] for c in curves])
 
 

@@ -52,7 +52,7 @@ BASES = {NAIVE: "searching", RANDOMIZED: "randomized"}
 
 
 def ways(model: Path, work: Path, number: int, stack: int, ranges: str) -> dict[str, Variant]:
-    """Give the run of each way for a plant; where nothing was named, the identified ones are those without."""
+    """Return the run of each way for a plant; where nothing was named, the identified ones are those without."""
     found = {way: Variant(f"ff-{way}-{ranges}", world, stack, ranges=ranges) for way, world in BASES.items()}
     for way, base in ((IDENTIFIED, NAIVE), (BOTH, RANDOMIZED)):
         try:
@@ -102,7 +102,7 @@ def main() -> None:
 
 
 def write(out: Path, tables: Mapping[int, Any], about: Mapping[str, Any], budget: Budget, seeds: list[int]) -> None:
-    """Give what there is so far."""
+    """Write the results so far."""
     done = list(tables.values())
     there = {row["policy"] for row in done[0]["rows"]}
     pairs = [compared(done, second, first) for first, second in combinations([w for w in WAYS if w in there], 2)]

@@ -24,6 +24,6 @@ def played(policies: Iterable[tuple[str, Path]], worlds: Sequence[str], episodes
 
 
 def policy_of(checkpoints: Path) -> Path:
-    """Give the best policy in a run's folder of checkpoints, or the last one where none is the best."""
+    """Return the best policy in a run's folder of checkpoints, or the last one where none is the best."""
     best = checkpoints / "best"
     return best if best.is_dir() else checkpoints / "last"

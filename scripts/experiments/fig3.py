@@ -65,7 +65,7 @@ def main() -> None:
 
 
 def described(variant: Variant, runs: Sequence[tuple[int, Path]]) -> dict[str, Any]:
-    """Give a variant's runs and the curve of all seeds."""
+    """Return a variant's runs and the curve of all seeds."""
     curves = [read_curve(folder / "progress.csv") for _, folder in runs]
     each = [
         {

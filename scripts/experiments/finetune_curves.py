@@ -99,7 +99,7 @@ def quiet(text: str) -> None:
 
 
 def table(record: Mapping[str, Any]) -> str:
-    """Give the table: a row a number of demonstrations, a column a way, each seed's share in brackets."""
+    """Return the table: a row a number of demonstrations, a column a way, each seed's share in brackets."""
 
     def cell(ends: Sequence[Sequence[bool]]) -> str:
         if not ends:

@@ -28,7 +28,7 @@ LATENCY = 0.006  # s, of the position interface: with the arm's usual gains, 14 
 
 
 def arm_of(world: str | Path) -> World:
-    """Give the arm, with its tool, that a world of fixed effects hides; what only the task's scene has is left out.
+    """Return the arm, with its tool, that a world of fixed effects hides; what only the task's scene has is left out.
 
     Latency belongs to the way of commanding: the recordings have `LATENCY` where the world has one for torques.
     """
@@ -40,7 +40,7 @@ def arm_of(world: str | Path) -> World:
 
 
 def identify(world: str | Path, folder: Path) -> Path:
-    """Give the model.yaml that a diagnosis of the plant's recordings wrote; made where it is not there yet.
+    """Return the model.yaml that a diagnosis of the plant's recordings wrote; made where it is not there yet.
 
     The diagnosis is given the recordings and the nominal arm with its tool. Both lie in `folder`.
     """
@@ -78,7 +78,7 @@ def identified_world(model: Path, base: str, path: Path) -> Path:
 
 
 def told(model: Path) -> dict[str, Any]:
-    """Give the diagnosis behind a model.yaml in short: verdict, reason, and the held-out error before and after."""
+    """Return the diagnosis behind a model.yaml in short: verdict, reason, and the held-out error before and after."""
     record = json.loads(model.with_name("diagnosis.json").read_text(encoding="utf-8"))
     ladder = record["ladder"]
     found = {"verdict": record["verdict"], "reason": record["reason"], "noise_floor": record["noise_floor"]}

@@ -61,7 +61,7 @@ ROWS, START_SEED, JUDGED_SEED = 16, 1, 2**31 + 1
 
 
 def factor_of(name: str) -> str | None:
-    """Give the factor that an effect belongs to; None for what no camera sees of itself: physics."""
+    """Return the factor that an effect belongs to; None for effects on physics, which no camera sees."""
     named = [factor for factor, names in FACTORS.items() if name in names]
     return named[0] if named else NOISE if effect(name).family == "camera" else None
 
@@ -72,7 +72,7 @@ def factors() -> tuple[str, ...]:
 
 
 def world_without(left_out: tuple[str, ...], folder: Path, name: str) -> str:
-    """Give the file of S in which nothing of these factors is drawn, written into `folder`."""
+    """Return the file of S in which nothing of these factors is drawn, written into `folder`."""
     entries: dict[tuple[str, str], dict[str, Any]] = {}
     world = RandomizedWorld.of(load_world(BASE).world)
     for e in (*world.ranges, *world.base.effects):
@@ -89,13 +89,13 @@ def world_without(left_out: tuple[str, ...], folder: Path, name: str) -> str:
 
 
 def worlds(folder: Path) -> dict[str, str]:
-    """Give what policies learn in: S, S without each factor, S without any of them."""
+    """Return the worlds that policies learn in: S, S without each factor, S without any of them."""
     alone = {f"no-{f}": world_without((f,), folder, f"no-{f}") for f in factors()}
     return {ALL: BASE} | alone | {NOTHING: world_without(factors(), folder, NOTHING)}
 
 
 def start(runs: Path, modality: str, world: str, budget: Budget) -> Path:
-    """Give the student of a modality that all begin as; made if it is not there yet. Returns the policy's folder."""
+    """Return the student of a modality that all begin as; made if it is not there yet. Returns the policy's folder."""
     variant = Variant(f"{modality}-start", world, modality=modality, teacher=TEACHER)
     return trained(runs, variant, START_SEED, budget) / "checkpoints" / "best"
 
@@ -116,7 +116,7 @@ def states(folder: Path, seen_in: Mapping[str, str], seed: int, steps: int) -> d
 
 
 def learned(out: Path, begin: Path, world: str, ring: Any, seed: int, updates: int) -> Path:
-    """Give the student `begin` after `updates` of imitation in a world's pictures; returns its folder,
+    """Return the student `begin` after `updates` of imitation in a world's pictures; returns its folder,
     OUT/checkpoints/best.
 
     A policy that is there is not learned again.

@@ -1,4 +1,4 @@
-"""What each factor of randomization is worth: points of success, and how far off a policy believes the goal to be."""
+"""Tables of the value of each factor of randomization: points of success, and error of the believed goal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ALL, NOTHING = "everything", "nothing"
 
 
 def lost(table: Mapping[str, Any], modality: str) -> list[dict[str, Any]]:
-    """Give what each factor's absence costs in one world: paired differences to the policy with everything, worst
+    """Return what each factor's absence costs in one world: paired differences to the policy with everything, worst
     first.
 
     Args:

@@ -1,9 +1,9 @@
-"""What a policy's first layer hears: the share of each group of inputs in its variance, in contact and in free air.
+"""Print the share of each group of inputs in the variance of a policy's first layer, in contact and in free air.
 
     python scripts/experiments/input_shares.py runs/experiments/ff-randomized_s1/checkpoints/best --world randomized
 
 Of input i, scaled as the network has it: E[x_i^2] |w_i|^2 over the sum of all. A layer normalisation follows, so that
-what has a small share there is hardly heard.
+inputs with a small share have little influence.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def inputs(policy: NetPolicy, world: str, steps: int, seed: int) -> tuple[np.nda
 
 
 def main() -> None:
-    """Give a line for each policy, in contact and in free air."""
+    """Return a line for each policy, in contact and in free air."""
     made = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     made.add_argument("policies", type=Path, nargs="+", help="folders of policies without images or memory")
     made.add_argument("--world", default="randomized")

@@ -73,7 +73,7 @@ def _interval(value: float, drawn: np.ndarray) -> dict[str, float | None]:
 
 
 def markdown(found: Mapping[str, Mapping[str, Any]], first: str) -> str:
-    """Give the table of several {policy: errors}: a row a policy and model, the plant's own numbers first."""
+    """Return the table of several {policy: errors}: a row a policy and model, the plant's own numbers first."""
     head = ["policy", "in", *(f"{m}, {unit}" for m, (_, unit) in MEASURES.items()), "success"]
     lines = [_line(head), _line(["---"] * len(head))]
     for policy, one in found.items():

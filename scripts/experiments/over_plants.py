@@ -61,7 +61,7 @@ def mean_difference(differences: Sequence[float]) -> dict[str, Any]:
 
 
 def markdown(found: Mapping[str, Any]) -> str:
-    """Give the plants as rows, and the mean below them."""
+    """Return the plants as rows, and the mean below them."""
     lines = [f"| plant | {found['first']} | {found['second']} | difference, points |", "| --- | --- | --- | --- |"]
     for row in found["plants"]:
         cells = [f"{100 * row[key]:.1f} %" for key in ("first", "second")]

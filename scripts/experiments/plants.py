@@ -21,7 +21,7 @@ SOURCE = "held out: drawn by scripts/experiments/plants.py"
 
 
 def hidden_plant(number: int, folder: Path) -> Path:
-    """Give the world file of plant `number`: 0 is the bundled one, any other is written into `folder`.
+    """Return the world file of plant `number`: 0 is the bundled one, any other is written into `folder`.
 
     What is drawn: how strong all is (half to one and a half of the bundled plant's size), friction in three to seven
     joints, one gain, one encoder, a payload, latency in half of the plants; and the tilt, grip, contact and peg.

@@ -68,7 +68,7 @@ def _rig(vec: TaskVec, world: str):
 
 
 def _new_looks(vec: TaskVec, rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Give what every row shows now, in new looks; the same draws in every world."""
+    """Return the present observations of all rows in new looks, drawn alike in every world."""
     snapshots = vec._snapshots(range(vec.num_envs))
     seeds = {row: int(rng.integers(2**31)) for row in snapshots}
     for rig in (vec.eyes, *vec.further):
@@ -78,5 +78,5 @@ def _new_looks(vec: TaskVec, rng: np.random.Generator) -> dict[str, np.ndarray]:
 
 
 def _of(obs: Mapping[str, np.ndarray], k: int) -> dict[str, np.ndarray]:
-    """Give the observation as the k-th world's cameras have it."""
+    """Return the observation as the k-th world's cameras have it."""
     return {key: obs.get(f"{key}@{k}", value) for key, value in obs.items() if "@" not in key}

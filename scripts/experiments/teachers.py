@@ -1,4 +1,4 @@
-"""What a teacher does on the readings that its students get, which `vispeg evaluate` cannot ask.
+"""Measure the success of a teacher on its students' readings, which `vispeg evaluate` cannot do.
 
     python scripts/experiments/teachers.py state-3mm-randomized state-3mm-readings --worlds randomized-readings P
 
@@ -38,7 +38,7 @@ def judged(name: str, world: str, episodes: int, seed: int, rows: int = 20) -> l
 
 
 def main() -> None:
-    """Give a line for each teacher and world."""
+    """Return a line for each teacher and world."""
     made = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     made.add_argument("teachers", nargs="+", help="names or folders of policies that know the state, or expert")
     made.add_argument("--worlds", nargs="+", default=["randomized", "randomized-readings"])

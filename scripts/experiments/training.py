@@ -61,7 +61,7 @@ class Budget:
 
 
 def configuration(variant: Variant, seed: int, budget: Budget) -> TrainConfig:
-    """Give the run's configuration; all variants differ in what `Variant` names alone. The task's own values go
+    """Return the run's configuration; all variants differ in what `Variant` names alone. The task's own values go
     unsaid.
     """
     settings = {"stack": 1 if variant.recurrent else variant.stack}
@@ -85,7 +85,7 @@ def configuration(variant: Variant, seed: int, budget: Budget) -> TrainConfig:
 
 
 def rounds(variant: Variant, budget: Budget) -> dict[str, int]:
-    """Give the settings of an imitator's rounds, which share the budget; half as many updates as steps, as by
+    """Return the settings of an imitator's rounds, which share the budget; half as many updates as steps, as by
     default.
     """
     steps = max(1, budget.steps // len(DistillSettings.betas))
@@ -98,7 +98,7 @@ def run_folder(runs: Path, variant: Variant, seed: int) -> Path:
 
 
 def trained(runs: Path, variant: Variant, seed: int, budget: Budget) -> Path:
-    """Give the run's folder, trained to the budget's end; a run of fewer steps goes on from its last checkpoint.
+    """Return the run's folder, trained to the budget's end; a run of fewer steps goes on from its last checkpoint.
 
     Raises:
         UserError: the folder holds a run that was asked for otherwise, or of more steps.

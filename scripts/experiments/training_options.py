@@ -1,4 +1,4 @@
-"""What options of `vispeg train` do: the reward, the stack, a teacher that knows the physics, a policy that turns.
+"""Compare options of `vispeg train`: the reward, the stack, a teacher that knows the physics, a policy that turns.
 
     python scripts/experiments/training_options.py --seeds 1 2 3 --steps 32000
     python scripts/experiments/training_options.py --study stack --seeds 1 --steps 12800 --every 2560 --judged 25
@@ -96,7 +96,7 @@ def main() -> None:
 
 
 def described(words: str, variant: Variant, runs: list[tuple[int, Path]]) -> dict[str, Any]:
-    """Give a variant with the curves of its runs, under the name that it has in the study."""
+    """Return a variant with the curves of its runs, under the name that it has in the study."""
     curves = [read_curve(folder / "progress.csv") for _, folder in runs]
     each = [
         {"seed": seed, **{k: v.tolist() for k, v in asdict(curve).items()}}

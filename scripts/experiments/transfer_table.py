@@ -12,7 +12,7 @@ from vispeg.evaluation.table import Cell, Table
 
 
 def success_table(episodes: Iterable[Episode], world: str) -> dict[str, Any]:
-    """Give what a transfer table of one world shows, ready for JSON.
+    """Return what a transfer table of one world shows, ready for JSON.
 
     Returns:
         {world, hash, rows, comparisons}. A row is {policy, by_seed: {training seed: Wilson}, pooled: Wilson over all
@@ -53,7 +53,7 @@ def success_table(episodes: Iterable[Episode], world: str) -> dict[str, Any]:
 
 
 def markdown(table: Mapping[str, Any]) -> str:
-    """Give the two tables as Markdown: rates with 95 % intervals in percent, differences in points."""
+    """Return the two tables as Markdown: rates with 95 % intervals in percent, differences in points."""
     seeds = sorted({int(t) for row in table["rows"] for t in row["by_seed"]})
     heads = ["policy", *(f"seed {t}" for t in seeds), "pooled", "over seeds", "peak force, N", "failures"]
     lines = [_line(heads), _line(["---"] * len(heads))]

@@ -47,7 +47,7 @@ def enrolled():
             return kind.family in ("joint", "body") and kind.searchable and "torque" in kind.channels()
 
         def predict(self, response, item, worlds):
-            """Give the torque of each motor in amperes."""
+            """Return the torque of each motor in amperes."""
             return response.tau_motor / PER_AMPERE
 
     yield

@@ -112,7 +112,7 @@ def test_what_is_larger_is_found_and_what_is_smaller_is_not():
 
 
 def one_by_one(search: Search, state: State) -> dict[tuple[str, str, str], float]:
-    """Give the least distances from none trial by trial: each with its own columns and its own residual.
+    """Return the least distances from none trial by trial: each with its own columns and its own residual.
 
     Without the drop of the mean squared residual under which no search begins.
     """
@@ -164,7 +164,7 @@ class Counting(Evidence):
 
 @pytest.fixture
 def damped() -> tuple[Search, State]:
-    """Give the search of a pendulum's recordings, and the state in which its damping is fitted."""
+    """Return the search of a pendulum's recordings, and the state in which its damping is fitted."""
     recordings = swung(EffectInstance.of("viscous_friction", "hinge", damping=0.5), seed=5)
     world = World(recordings[0].robot)
     search = Search(Counting(recordings[:2]), Judge(Counting(recordings[2:], h_max=1e-3)))

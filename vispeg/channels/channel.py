@@ -95,15 +95,15 @@ class Channel(ABC):
 
     # What is compared and fitted ---------------------------------------------------------------------------------
     def part(self, world: World) -> World:
-        """Give the model with only the effects that this channel can show; a search begins with it."""
+        """Return the model with only the effects that this channel can show; a search begins with it."""
         return world
 
     def read(self, recording: Recording, world: World, how: How) -> Recording:
-        """Give the part of a recording that is compared with a model, corrected for what the model says of it."""
+        """Return the part of a recording that is compared with a model, corrected for what the model says of it."""
         return recording
 
     def evidence(self, world: World, both: Both, how: How) -> tuple[Evidence, Evidence | None]:
-        """Give the evidence of the fitted recordings and that of the held-out ones; None if none are held out.
+        """Return the evidence of the fitted recordings and that of the held-out ones; None if none are held out.
 
         Raises:
             UserError: recordings that cannot be compared with the model, or a channel that has no such evidence.
@@ -111,18 +111,18 @@ class Channel(ABC):
         raise UserError("nothing is fitted in this channel", key="--channels", got=self.name)
 
     def begin(self, evidence: Evidence, world: World, unstated: Sequence[int]) -> World:
-        """Give the world from which a fit starts; its effects at the indices `unstated` may get better start values.
+        """Return the world from which a fit starts; its effects at the indices `unstated` may get better start values.
 
         The user stated no value for those effects.
         """
         return world
 
     def finish(self, evidence: Evidence, fit: Fit) -> Fit:
-        """Give a fit with intervals that suit this channel; by default those of the fit itself."""
+        """Return a fit with intervals that suit this channel; by default those of the fit itself."""
         return fit
 
     def drawn(self, evidence: Evidence, worlds: Sequence[World]) -> dict[str, np.ndarray]:
-        """Give the arrays behind the pictures of a fit: what was measured, and what each of two worlds predicts."""
+        """Return the arrays behind the pictures of a fit: what was measured, and what each of two worlds predicts."""
         return {}
 
     # Comparison and diagnosis ------------------------------------------------------------------------------------

@@ -53,7 +53,7 @@ def diagnose(channels: Sequence[str], world: World, both: Both, how: How) -> Dia
 
 
 def whole(diagnosis: Diagnosis, channel: Channel, world: World) -> Diagnosis:
-    """Give a channel's diagnosis with the effects and the cell of `world` that the channel's own part leaves out."""
+    """Return a channel's diagnosis with the effects and the cell of `world` that the channel's own part leaves out."""
     began = channel.part(world)
     aside = [e for e in world.effects if e not in began.effects]
     found = diagnosis.world
@@ -61,12 +61,12 @@ def whole(diagnosis: Diagnosis, channel: Channel, world: World) -> Diagnosis:
 
 
 def part_of(progress: Progress, channel: str, start: World) -> Progress:
-    """Give the stored results of one channel's search from the model `start`, kept apart from those of other starts."""
+    """Return the stored results of one channel's search from the model `start`, separate from those of other starts."""
     return progress.part(f"{channel} {model_text(start)}")
 
 
 def _noted(diagnosis: Diagnosis, left_out: Sequence[str]) -> Diagnosis:
-    """Give the diagnosis with a note on each channel that was left out."""
+    """Return the diagnosis with a note on each channel that was left out."""
     if not left_out:
         return diagnosis
     record = diagnosis.record

@@ -42,11 +42,11 @@ class Contact(Channel):
         return kind.name == READINGS
 
     def part(self, world: World) -> World:
-        """Give the model without encoder offsets, which `read` subtracts from the recordings instead."""
+        """Return the model without encoder offsets, which `read` subtracts from the recordings instead."""
         return world.only(lambda e: e.effect != READINGS)
 
     def read(self, recording: Recording, world: World, how: How) -> Recording:
-        """Give the recording with the model's encoder offsets subtracted from its joint angles."""
+        """Return the recording with the model's encoder offsets subtracted from its joint angles."""
         q = recording.q.copy()
         for e in world.effects:
             if e.effect == READINGS:
@@ -55,12 +55,12 @@ class Contact(Channel):
         return replace(recording, q=q)
 
     def evidence(self, world: World, both: Both, how: How) -> tuple[Evidence, Evidence | None]:
-        """Give the wrenches of the hand driven along its measured path."""
+        """Return the wrenches of the hand driven along its measured path."""
         first, second = ([self.read(rec, world, how) for rec in recordings] for recordings in both)
         return evidence_of(first, how.threads), evidence_of(second, how.threads) if second else None
 
     def finish(self, evidence: Evidence, fit: Fit) -> Fit:
-        """Give intervals from the profile of the squared residual, which is no parabola in contact."""
+        """Return intervals from the profile of the squared residual, which is no parabola in contact."""
         assert isinstance(evidence, ContactEvidence)
         return replace(fit, world=intervals(evidence, fit)[0])
 

@@ -55,15 +55,15 @@ class Joints(Channel):
         return kind.name == READINGS or heavy(kind)
 
     def part(self, world: World) -> World:
-        """Give the model without its cell and with only the effects that an arm in free air can show."""
+        """Return the model without its cell and with only the effects that an arm in free air can show."""
         return replace(of_arm(world).only(lambda e: effect(e.effect).searchable), cell=None)
 
     def read(self, recording: Recording, world: World, how: How) -> Recording:
-        """Give its most informative windows, with the load that the model's cell says it carried."""
+        """Return its most informative windows, with the load that the model's cell says it carried."""
         return choose(carrying(recording, world), how.seconds)
 
     def evidence(self, world: World, both: Both, how: How) -> tuple[Evidence, Evidence | None]:
-        """Give angles of rollouts where every controller is known, torques of inverse dynamics where one is not."""
+        """Return angles of rollouts where every controller is known, torques of inverse dynamics where one is not."""
         first, second = ([self.read(rec, world, how) for rec in recordings] for recordings in both)
         judged = evidence_for(world, second, how.threads, 1e-3) if second else None
         return evidence_for(world, first, how.threads, 1e-3), judged
@@ -73,7 +73,7 @@ class Joints(Channel):
         return begun(evidence, world, unstated)
 
     def drawn(self, evidence: Evidence, worlds: Sequence[World]) -> dict[str, np.ndarray]:
-        """Give measured and predicted angles or torques of every joint."""
+        """Return measured and predicted angles or torques of every joint."""
         return arrays(traces(evidence.items, evidence.simulated(worlds)), evidence.items[0].robot.joints)
 
     def compare(self, world: World, recordings: Sequence[Recording], how: How) -> Comparison:
@@ -113,7 +113,7 @@ def heavy(kind: Effect) -> bool:
 
 
 def carrying(rec: Recording, world: World) -> Recording:
-    """Give the recording with the carried load that `heavy` effects of the model imply, in place of the declared one.
+    """Return the recording with the carried load that `heavy` effects of the model imply, in place of the declared one.
 
     Without such effects, or without a cell, it is the recording itself.
     """

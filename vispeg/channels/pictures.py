@@ -60,7 +60,7 @@ class Pictures(Channel):
         return "" if mine else f"no camera sees the cell: {'; '.join(unseen)}"
 
     def evidence(self, world: World, both: Both, how: How) -> tuple[BorderEvidence, BorderEvidence | None]:
-        """Give the borders found in the pictures."""
+        """Return the borders found in the pictures."""
         return border_evidence_of(world, *both, progress=how.progress)
 
     def compare(self, world: World, recordings: Sequence[Recording], how: How) -> Comparison:
@@ -97,7 +97,7 @@ def border_evidence_of(
     held_out: Sequence[Recording],
     progress: Progress | None = None,
 ) -> tuple[BorderEvidence, BorderEvidence | None]:
-    """Give the borders found in the fitted and in the held-out recordings' pictures; None if none are held out.
+    """Return the borders found in the fitted and in the held-out recordings' pictures; None if none are held out.
 
     `progress` stores where they were found.
 
@@ -116,7 +116,7 @@ def border_evidence_of(
 
 
 def scene_of(world: World, recordings: Sequence[Recording]) -> Scene:
-    """Give the scene of the model that all recordings are compared with.
+    """Return the scene of the model that all recordings are compared with.
 
     Raises:
         UserError: recordings of different cells.

@@ -17,7 +17,7 @@ OTHERS = "the variable VISPEG_PLUGINS names modules that add channels"
 
 
 def channel(name: str, key: str = "--channels") -> Channel:
-    """Give a channel by its name.
+    """Return a channel by its name.
 
     Raises:
         UserError: there is none of that name; the message names the user's option, `key`.
@@ -28,7 +28,7 @@ def channel(name: str, key: str = "--channels") -> Channel:
 
 
 def ordered() -> list[Channel]:
-    """Give all channels in the order in which they are diagnosed."""
+    """Return all channels in the order in which they are diagnosed."""
     return sorted(CHANNELS.values(), key=lambda c: (c.order, c.name))
 
 

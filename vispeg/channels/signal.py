@@ -48,15 +48,15 @@ class SignalChannel(Channel):
         return known and bool(recordings) and not is_object(world.robot)
 
     def part(self, world: World) -> World:
-        """Give the same part of the model as the joints do."""
+        """Return the same part of the model as the joints do."""
         return CHANNELS[Joints.name].part(world)
 
     def read(self, recording: Recording, world: World, how: How) -> Recording:
-        """Give its most informative windows, with the load that the model's cell says it carried."""
+        """Return its most informative windows, with the load that the model's cell says it carried."""
         return CHANNELS[Joints.name].read(recording, world, how)
 
     def evidence(self, world: World, both: Both, how: How) -> tuple[Evidence, Evidence | None]:
-        """Give rollouts that are compared by this signal alone."""
+        """Return rollouts that are compared by this signal alone."""
         first, second = ([self.read(rec, world, how) for rec in recordings] for recordings in both)
         judged = SignalEvidence(second, self, h_max=1e-3, nthread=how.threads) if second else None
         return SignalEvidence(first, self, h_max=1e-3, nthread=how.threads), judged
@@ -78,7 +78,7 @@ class SignalEvidence(Evidence):
     def compared(
         self, rec: Recording, rows: np.ndarray, late: np.ndarray, noise: Mapping[str, np.ndarray]
     ) -> tuple[Column, ...]:
-        """Give the signal's columns, with the noise that the header states, else an estimate from high frequencies.
+        """Return the signal's columns, with the noise that the header states, else an estimate from high frequencies.
 
         Arguments are as in `Evidence.compared`.
         """

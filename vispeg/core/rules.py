@@ -45,7 +45,7 @@ class Rule:
 
     @property
     def evidence(self) -> str:
-        """Give the reason, the case, the commit and what was tried in one line."""
+        """Return the reason, the case, the commit and what was tried in one line."""
         known = "; ".join(part for part in (self.reason, self.case) if part)
         return f"{known or 'none known'} ({self.commit})" + (f"; {self.tried}" if self.tried else "")
 
@@ -60,7 +60,7 @@ def _rule(
     case: str = "",
     tried: str = "",
 ) -> Any:
-    """Give the field of a rule; its name is that of the attribute."""
+    """Return the field of a rule; its name is that of the attribute."""
     known = {"channel": channel, "decides": decides, "commit": commit}
     return field(default=value, metadata=known | {"reason": reason, "case": case, "tried": tried})
 
@@ -783,13 +783,13 @@ RULES = Rules()
 
 
 def rules(step: type) -> list[Rule]:
-    """Give the rules of one of the `STEPS`, in order."""
+    """Return the rules of one of the `STEPS`, in order."""
     return [Rule(f.name, getattr(RULES, f.name), **f.metadata) for f in fields(step)]
 
 
 @contextmanager
 def varied(**values: float | tuple[float, ...]) -> Iterator[None]:
-    """Give rules other values while the block lasts."""
+    """Return rules other values while the block lasts."""
     unknown = sorted(values.keys() - {f.name for f in fields(Rules)})
     if unknown:
         raise KeyError(f"no such rule: {', '.join(unknown)}")

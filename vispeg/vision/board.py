@@ -70,7 +70,7 @@ def corners_in(geometry: Geometry, camera: str, board: Board, looks: Mapping[int
 
 
 def board_of(cell: CellBelief | None, file: str | Path | None = None) -> Board | None:
-    """Give the board that a cell states, None where it states none.
+    """Return the board that a cell states, None where it states none.
 
     Raises:
         UserError: a board that cannot be, or one with a key too many or too few.
@@ -89,14 +89,14 @@ def board_of(cell: CellBelief | None, file: str | Path | None = None) -> Board |
 
 
 def view_of_board(rgb: np.ndarray, board: Board) -> View | None:
-    """Give the board's corners in a picture (H, W, 3) uint8, None where it is not found."""
+    """Return the board's corners in a picture (H, W, 3) uint8, None where it is not found."""
     import cv2
 
     return find(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), board)
 
 
 def look_at(geometry: Geometry, camera: str, q: np.ndarray, view: View) -> Look:
-    """Give a view from measured joint angles q (nj,) rad, in the geometry's world."""
+    """Return a view from measured joint angles q (nj,) rad, in the geometry's world."""
     geometry.at(q)
     pos, turn = geometry.pose(camera)
     return Look(pos.copy(), turn.copy(), view)

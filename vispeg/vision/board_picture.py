@@ -38,7 +38,7 @@ def put_down(board: Board, scene: Scene, seed: int) -> np.ndarray:
 
 
 def showing(board: Board, pose: np.ndarray) -> Callable[[Rendering], Rendering]:
-    """Give what puts a board that lies at a pose (4, 4), board to base, into pictures."""
+    """Return what puts a board that lies at a pose (4, 4), board to base, into pictures."""
 
     def shown(picture: Rendering) -> Rendering:
         camera = picture.pose[:3, 3], picture.pose[:3, :3]
@@ -67,7 +67,7 @@ def with_board(
     pose: np.ndarray,
     height: Callable[[np.ndarray, np.ndarray], np.ndarray] = lambda x, y: np.zeros_like(x),
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Give a picture and its depth with a board in it.
+    """Return a picture and its depth with a board in it.
 
     Args:
         rgb, depth: (H, W, 3) uint8 and (H, W) m without it; depth 0 where nothing is.

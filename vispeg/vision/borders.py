@@ -59,7 +59,7 @@ class Borders:
 
 
 def borders_of(rendering: Rendering, geometry: Geometry, step: float = 2.0, margin: float = 4.0) -> Borders:
-    """Give the borders of a predicted picture, to a hundredth of a pixel by casting rays.
+    """Return the borders of a predicted picture, to a hundredth of a pixel by casting rays.
 
     Args:
         rendering: the picture.
@@ -133,7 +133,7 @@ def _bisected(geometry: Geometry, name: str, a: np.ndarray, b: np.ndarray) -> tu
 
 
 def _normals(at: np.ndarray, pairs: np.ndarray, toward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give normals (n, 2) of borders through points (n, 2), and whether the border is straight enough there to have
+    """Return normals (n, 2) of borders through points (n, 2), and whether the border is straight enough there to have
     one.
 
     The direction is that of least spread of the neighbours on the same border.
@@ -156,7 +156,7 @@ def _normals(at: np.ndarray, pairs: np.ndarray, toward: np.ndarray) -> tuple[np.
 
 
 def _thinned(at: np.ndarray, pairs: np.ndarray, step: float) -> np.ndarray:
-    """Give the indices of one point in each cell of `step` px and each pair of parts, the one nearest to its middle."""
+    """Return the index of one point for each cell of `step` px and pair of parts: the one nearest to its middle."""
     if not len(at):
         return np.zeros(0, np.int64)
     cell = np.floor(at / step)

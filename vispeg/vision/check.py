@@ -147,7 +147,7 @@ def _depth(frames: Frames) -> Mapping[str, Any]:
 
 
 def _views(rec: Recording, frames: Frames, scene: Scene) -> Mapping[str, Any]:
-    """Give what the views of one camera are like, from the borders that the nominal cell has in them."""
+    """Return what the views of one camera are like, from the borders that the nominal cell has in them."""
     name, camera = frames[0].camera.name, camera_of(frames[0].camera)
     q = joints_at(rec, frames.times, frames.episodes)
     around = [joints_at(rec, frames.times + k * SLOPE, frames.episodes) for k in (-1, 1)]
@@ -248,7 +248,7 @@ def warnings_of(check: CameraCheck) -> list[str]:
 
 
 def _advice(dark: Sequence[Precision], mount: str | None) -> str:
-    """Give the motion that would tell what is dark."""
+    """Return the motion that would tell what is dark."""
     names = {t.effect for t in dark}
     if mount == "base":
         return "bring the hand near it and to the image's edges, or hold a board before it (vispeg camera calibrate)"

@@ -208,7 +208,7 @@ def compare_one(recording: str, frame: RecordedFrame, predictor: Predictor, shut
 
 
 def _delivered(world: World, rendering: Rendering) -> Rendering:
-    """Give the picture after what the world's sensor does to it alike in every frame: no noise, nothing that is
+    """Return the picture after what the world's sensor does to it alike in every frame: no noise, nothing that is
     lost.
     """
     steady = world.only(lambda e: effect(e.effect).family == "camera" and e.effect not in (*DRAWN, *CHANCE))

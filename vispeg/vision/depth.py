@@ -85,7 +85,7 @@ class DepthQuality:
 def depth_quality(
     measured: np.ndarray, rendering: Rendering, residual: DepthResidual, flat: int | None
 ) -> DepthQuality:
-    """Give the figures of one picture.
+    """Return the figures of one picture.
 
     Args:
         measured: (H, W) m, 0 = no reading.

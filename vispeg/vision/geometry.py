@@ -93,7 +93,7 @@ class Geometry:
         return out
 
     def pose(self, camera: str) -> tuple[np.ndarray, np.ndarray]:
-        """Give a camera's optical centre (3,) m and axes (3, 3), one a column, in the base frame."""
+        """Return a camera's optical centre (3,) m and axes (3, 3), one a column, in the base frame."""
         view = view_of(self.eyes[camera].camera, self._parents[camera], self.data)
         return view.pos, view.rot
 
@@ -105,7 +105,7 @@ class Geometry:
         return self.eyes[camera].project((points - pos) @ rot)
 
     def cast(self, camera: str, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Give what pixels (n, 2) show: planar depth (n,) m, 0 for nothing; geom (n,) id, -1; part (n,), 0."""
+        """Return what pixels (n, 2) show: planar depth (n,) m, 0 for nothing; geom (n,) id, -1; part (n,), 0."""
         pos, rot = self.pose(camera)
         ideal = self.eyes[camera].ideal(np.asarray(pixels, float))
         rays = np.concatenate([np.nan_to_num(ideal), np.ones((len(ideal), 1))], 1)

@@ -99,7 +99,7 @@ class Predictor:
         self.world = world
 
     def draw(self, camera: str, q: np.ndarray) -> Rendering:
-        """Give what a camera sees at measured joint angles q (nj,) rad, before its sensor makes anything of it."""
+        """Return what a camera sees at measured joint angles q (nj,) rad, before its sensor makes anything of it."""
         geometry, eye = self.geometry, self.geometry.eyes[camera]
         geometry.at(np.asarray(q, float))
         drawn = eye if self.finer == 1 else eye.finer(self.finer)
@@ -117,7 +117,7 @@ class Predictor:
     def sensed(
         self, rendering: Rendering, seed: int, velocity: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Give the picture as the world's sensor delivers it: rgb (H, W, 3) uint8 and depth (H, W) float32 m, 0 = none.
+        """Return the picture that the world's sensor gives: rgb (H, W, 3) uint8 and depth (H, W) float32 m, 0 = none.
 
         Args:
             rendering: of this predictor, in its present world.
@@ -140,7 +140,7 @@ class Predictor:
 def through_sensor(
     world: World, rendering: Rendering, seed: int, velocity: np.ndarray | None = None, bend: bool = True
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Give a rendered picture after the image effects of a world; those of time (delay, dropped frames) are left out.
+    """Return a rendered picture after the image effects of a world; those of time (delay, dropped frames) are left out.
 
     Args:
         world: without ranges.

@@ -128,7 +128,7 @@ def steps_along(rows: np.ndarray, sigma: float) -> np.ndarray:
 
 
 def _kernel(sigma: float) -> np.ndarray:
-    """Give the derivative of a Gaussian over samples `STEP` px apart; a step of one grey level gives one."""
+    """Return the derivative of a Gaussian over samples `STEP` px apart; a step of one grey level gives one."""
     half = int(np.ceil(3 * sigma / STEP))
     offsets = np.arange(-half, half + 1) * STEP
     kernel = offsets * np.exp(-0.5 * (offsets / sigma) ** 2)

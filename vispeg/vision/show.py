@@ -19,7 +19,7 @@ PREDICTED, FOUND = (217, 84, 30), (10, 122, 117)  # of borders, as the page's co
 
 
 def pictures(compared: Sequence[Compared]) -> tuple[dict[str, object], dict[str, np.ndarray]]:
-    """Give the record and the arrays of a comparison of pictures.
+    """Return the record and the arrays of a comparison of pictures.
 
     Returns:
         `cameras` (their figures), `frames` (a row each, worst first), `shown` (which frame picture k is); and arrays
@@ -64,7 +64,7 @@ def side_by_side(comparison: Compared) -> dict[str, np.ndarray]:
 
 
 def _with_borders(rgb: np.ndarray, comparison: Compared) -> np.ndarray:
-    """Give the measured picture with predicted borders, and a line from each to where it was found."""
+    """Return the measured picture with predicted borders, and a line from each to where it was found."""
     import cv2
 
     image = np.ascontiguousarray(rgb).copy()

@@ -35,7 +35,7 @@ class Shutter:
 
     @classmethod
     def of(cls, world: World, camera: str) -> Shutter:
-        """Give the values of a camera in a world."""
+        """Return the values of a camera in a world."""
         taken = (("camera_delay", "delay"), ("rolling_shutter", "readout"), ("motion_blur", "exposure"))
         return cls(*(values_of(world, name, camera).get(param, 0.0) for name, param in taken))
 
@@ -46,7 +46,7 @@ class Shutter:
         return np.array([-half, half]) - self.delay
 
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
-        """Give the times, before the stamp is added, of each strip of rows (k,) and of each look within the exposure
+        """Return the times, before the stamp is added, of each strip of rows (k,) and of each look within the exposure
         (m,), s.
         """
         strips = self.readout * ((np.arange(BANDS) + 0.5) / BANDS - 0.5) if self.readout else np.zeros(1)
@@ -90,7 +90,7 @@ def _strips(shutter: Shutter) -> np.ndarray:
 
 
 def _open(predictor: Predictor, camera: str, postures: np.ndarray) -> Rendering:
-    """Give the mean light of some postures (m, nj); depth and part of the middle one."""
+    """Return the mean light of some postures (m, nj); depth and part of the middle one."""
     some = [predictor.draw(camera, q) for q in postures]
     middle = some[len(some) // 2]
     if len(some) == 1:
@@ -105,7 +105,7 @@ def _strip_of(height: int, count: int) -> np.ndarray:
 
 
 def _joined(strips: list[Rendering]) -> Rendering:
-    """Give the rows of each strip, the middle one's posture."""
+    """Return the rows of each strip, the middle one's posture."""
     if len(strips) == 1:
         return strips[0]
     rows = _strip_of(len(strips[0].depth), len(strips))

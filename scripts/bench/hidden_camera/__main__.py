@@ -4,8 +4,8 @@
     python scripts/bench/hidden_camera --limit 16 --results rows.jsonl --out table.md
     python scripts/bench/hidden_camera --dev --only "focal_error/*" --results dev.jsonl
 
-Pictures come from another renderer than the predictor's where there is one (`--renderer filament`), in looks that it
-does not know, through a sensor that the library does not have. `--dev` uses seeds that are never scored: tune on those.
+Pictures come from another renderer than the predictor's if one is installed (`--renderer filament`), in looks that the
+predictor does not know, through a sensor that the library lacks. `--dev` uses seeds that are never scored, for tuning.
 """
 
 from __future__ import annotations

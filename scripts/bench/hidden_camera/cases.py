@@ -35,7 +35,7 @@ PAIRS = (
     ("focal_error", "lens_distortion"),
 )
 UNKNOWN = ("bent_flange", "tilted_fixture", "moved_fixture", "water_on_lens", "bent_board")
-# The motion that a diagnosis names under `not_excited` for what the ordinary one is too slow for
+# the motion that a diagnosis proposes under `not_excited` for effects for which the ordinary motion is too slow
 MOTIONS = {"motion_blur": "look-fast", "rolling_shutter": "look-fast"}
 MOVES = ("camera_offset", "focal_error", "principal_point_error", "lens_distortion", "camera_delay", "rolling_shutter")
 
@@ -53,7 +53,7 @@ class Case:
 
     @property
     def motion(self) -> str:
-        """That is recorded."""
+        """Name of the recorded motion."""
         return next((MOTIONS[e] for e, _, _ in self.hidden if e in MOTIONS), "look")
 
 
@@ -84,7 +84,7 @@ def cases(first: int) -> list[Case]:
 
 
 def choose(only: list[str], first: int, limit: int | None) -> list[Case]:
-    """Give the cases of these patterns, `limit` of them spread evenly."""
+    """Return the cases that match these patterns, at most `limit` of them, evenly spread over the list."""
     found = [c for c in cases(first) if not only or any(fnmatch(c.name, p) for p in only)]
     if limit is None or limit >= len(found):
         return found

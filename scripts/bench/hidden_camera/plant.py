@@ -1,8 +1,7 @@
 """The plant: another renderer, looks of its own, a sensor that the library does not have, and a robot that errs.
 
-What is hidden goes through the library's effects (they are what must be named); what stands around it does not: the
-pictures' own softness and noise, the sensor's own steps of depth and lost edges, and joints that are off by a smooth
-error of the path, different in every frame.
+The hidden effects are made by the library's own code, since they are to be named. All else is not: the softness and
+noise of the pictures, the depth steps and lost edges of the sensor, and a smooth error of the robot's path.
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ LAID[:3, 3] = 0.47, 0.14, 0.003  # m: on the table beside the fixture
 
 
 def recording(case: Case, part: int, frames: int, backend: str) -> Recording:
-    """Give a recording of a case; part 0 is to fit, 1 to judge on: another direction, speed, look and noise."""
+    """Return a recording of a case; part 0 is to fit, 1 to judge on: another direction, speed, look and noise."""
     rng = np.random.default_rng([case.seed, part])
     scene = scene_of(CELL)
     cameras = cameras_of([CAMERA], scene, SIZE)
@@ -79,7 +78,7 @@ def recording(case: Case, part: int, frames: int, backend: str) -> Recording:
 
 
 def _with_board(scene, cameras, world: World, path: CubicSpline, shots: Frames) -> Frames:
-    """Give the pictures with a bent board in them."""
+    """Return the pictures with a bent calibration board drawn into them."""
     geometry, out = Geometry(scene, cameras), []
     geometry.place(world)
     for frame in shots:
@@ -92,7 +91,7 @@ def _with_board(scene, cameras, world: World, path: CubicSpline, shots: Frames) 
 
 
 def _sensed(frame: RecordedFrame, rng: np.random.Generator, wet: bool) -> RecordedFrame:
-    """Give the picture after a sensor that no effect describes: soft, gamma-noisy; depth in steps with ragged edges."""
+    """Return the picture of a sensor that no effect describes: soft, gamma-noisy; depth in steps with ragged edges."""
     import cv2
 
     rgb, depth = frame.rgb, frame.depth

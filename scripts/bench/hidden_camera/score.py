@@ -1,4 +1,4 @@
-"""The table: what was named of what was hidden."""
+"""The table of a benchmark: which of the hidden effects were named."""
 
 from __future__ import annotations
 

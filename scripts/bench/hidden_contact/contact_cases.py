@@ -85,7 +85,7 @@ PLAIN = {"hole_clearance": "width", "tool_mass": "tool", "wrench_gain": "gain", 
 
 
 def hide(truth: Truth, effect: str, params: dict[str, float]) -> Truth:
-    """Give the plant with an effect in it as well."""
+    """Return the plant with one more effect."""
     if effect in AXES:
         field, axes = AXES[effect]
         values = list(getattr(truth, field))
@@ -127,7 +127,7 @@ def cases(seed: int = SCORED) -> list[Case]:
 
 
 def spread(value: float, draw: float, effect: str) -> float:
-    """Give a value with some spread; of a scale, in how far it is from 1."""
+    """Return a value with some random spread; for a scale, its distance from 1 is spread."""
     if effect in ("wrench_gain",):
         return 1 + (value - 1) * draw
     return value * draw

@@ -1,4 +1,4 @@
-"""Recordings of cases: the plant's motion read by imperfect sensors, written as folders that hint at nothing."""
+"""Recordings of cases: the plant's motion read by imperfect sensors, in folders that do not show what is hidden."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TOGETHER = 160  # recordings simulated at once
 
 
 def stream(*words: object) -> np.random.Generator:
-    """Give a generator of its own for these words."""
+    """Return the random generator that belongs to these keys."""
     text = "/".join(map(str, words)).encode()
     return np.random.default_rng(np.frombuffer(text.ljust(-(-len(text) // 4) * 4, b"."), np.uint32))
 
@@ -73,7 +73,7 @@ def record(wanted: list[tuple[Case, str, Path]]) -> None:
 
 
 def signals(log: Log, row: int, truth: Truth, seed: int, case: str, name: str) -> dict[str, np.ndarray]:
-    """Give what the sensors read of one row: q, dq (t, 7), ft (t, 6)."""
+    """Return the sensor readings of one row: q, dq (t, 7), ft (t, 6)."""
     own, common = stream(seed, case, name), stream(seed, case, "sensor")  # one robot and one sensor a case
     pos, rot = log.pos[row], log.rot[row]
     q_true = joints(pos + path_error(pos, common), rot @ turn(1e-4 * own.standard_normal((1, 3)))[0])
@@ -95,7 +95,7 @@ def path_error(pos: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def wrench(true: np.ndarray, truth: Truth, own: np.random.Generator, common: np.random.Generator) -> np.ndarray:
-    """Give what a sensor reads of the true wrench on the tool (t, 6): late, scaled, with cross-talk, bias, drift and
+    """Return what a sensor reads of the true wrench on the tool (t, 6): late, scaled, with cross-talk, bias, drift and
     noise.
 
     A bias is that of the tool's wrench on the flange, as effects have it: here it is its reaction.

@@ -1,4 +1,4 @@
-"""What is commanded: the peg's end led through points over and in the hole, from rest in free air."""
+"""The commanded motions: the peg's end moves from rest in free air through points over and in the hole."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ MIX = [*_press(-25, 18, 6), *_press(25, -18, 9), *_slide(3.5, 31), *_insert((16.
 
 
 def points(names: tuple[str, ...]) -> list[Point]:
-    """Give the points of several motions, one after the other."""
+    """Return the points of several motions, one after the other."""
     return [p for name in names for p in (MIX if name == "mix" else MOTIONS[name])]
 
 

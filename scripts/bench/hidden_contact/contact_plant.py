@@ -63,14 +63,14 @@ class Truth:
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Give `a x b` along the last axis; NumPy's own takes ten times as long on small arrays."""
+    """Return `a x b` along the last axis; NumPy's own takes ten times as long on small arrays."""
     x, y, z = a[..., 0], a[..., 1], a[..., 2]
     u, v, w = b[..., 0], b[..., 1], b[..., 2]
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
 
 
 def column(truths: list[Truth], name: str) -> np.ndarray:
-    """Give a field of all rows, (n,) or (n, k)."""
+    """Return a field of all rows, (n,) or (n, k)."""
     return np.array([getattr(t, name) for t in truths], float)
 
 
@@ -224,7 +224,7 @@ class Plant:
         self.rot = turn(h * self.spin) @ self.rot
 
     def _wrench(self, lever: np.ndarray, gravity: np.ndarray, contact: np.ndarray) -> np.ndarray:
-        """Give what the flange exerts on the tool (n, 6), flange axes: inertia less weight less contact."""
+        """Return what the flange exerts on the tool (n, 6), flange axes: inertia less weight less contact."""
         w = self.spin
         inertia = self.rot @ self.inertia @ np.swapaxes(self.rot, 1, 2)
         force = self.m[:, None] * (self.acc + cross(self.turning, lever) + cross(w, cross(w, lever)))
@@ -350,7 +350,7 @@ def _approx(v: np.ndarray) -> np.ndarray:
 
 
 def _small(base: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Give a rotation (n, 3, 3) followed, in the same axes, by small angles (n, 2) about x and y."""
+    """Return a rotation (n, 3, 3) followed, in the same axes, by small angles (n, 2) about x and y."""
     return _approx(np.concatenate([angles, np.zeros((len(angles), 1))], axis=1)) @ base
 
 

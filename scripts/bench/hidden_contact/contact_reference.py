@@ -1,4 +1,4 @@
-"""How far the true effects lower the held-out error: what no diagnosis can fall below, by more than chance.
+"""Fit the true effects: no diagnosis can lower the held-out error further, except by chance.
 
 Run as a script by the benchmark: `python contact_reference.py JUDGE HIDDEN_JSON FIT..` prints one JSON object.
 """

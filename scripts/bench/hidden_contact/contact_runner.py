@@ -23,7 +23,7 @@ KEYS = ("verdict", "effects", "ladder", "noise_floor", "unexplained", "not_excit
 
 
 def diagnose(root: Path, case: Case) -> dict:
-    """Give the record of one case, which `contact_score.report` reads."""
+    """Return the record of one case, which `contact_score.report` reads."""
     *fit, judge = folders(root, case).values()
     out = root / "diagnosis" / case.key
     command = [sys.executable, "-m", "vispeg", "diagnose", "peg-cell"]
@@ -38,7 +38,7 @@ def diagnose(root: Path, case: Case) -> dict:
 
 
 def reference(root: Path, case: Case) -> dict:
-    """Give what a fit of the true effects leaves of one case, which `contact_score.references` reads."""
+    """Return the errors of a fit of the true effects in one case, which `contact_score.references` reads."""
     *fit, judge = folders(root, case).values()
     command = [sys.executable, str(HERE / "contact_reference.py"), str(judge), json.dumps(case.hidden), *map(str, fit)]
     record, answer = _called(case, command)
@@ -46,9 +46,7 @@ def reference(root: Path, case: Case) -> dict:
 
 
 def _called(case: Case, command: list[str]) -> tuple[dict, str | None]:
-    """Give the record that a process for a case begins, and what it printed; None where it failed, as the record
-    says.
-    """
+    """Run a process for a case; return its record and its output, None if it failed, which the record then states."""
     environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(HERE.parents[2])}
     record: dict = {"case": case.name, "kind": case.kind, "hidden": case.hidden, "seed": case.seed, "commit": commit()}
     begin, before = time.monotonic(), _cpu()
@@ -70,10 +68,10 @@ def _cpu() -> float:
 
 
 def finished(results: Path, seed: int) -> dict[str, dict]:
-    """Give the records of a seed in a file of results, by the name of their case; a line cut short by a kill is no
+    """Return the records of a seed in a file of results, by the name of their case; a line cut short by a kill is no
     record.
 
-    One without a seed is of the time before they had one, and taken.
+    Records without a seed, which are older, are returned too.
     """
     records: dict[str, dict] = {}
     if results.exists():

@@ -22,13 +22,13 @@ HOLE, CLEARANCE = 1e-4, 5e-5  # m: goals
 
 
 def same(truth: Record, named: Record) -> bool:
-    """Whether `named` is the truth, or has it among what it says it cannot be told from."""
+    """Return whether `named` is the truth, or names the truth as confounded with it."""
     rivals = [named, *named.get("indistinguishable_from", [])]
     return any((r["effect"], r["where"]) == (truth["effect"], truth["where"]) for r in rivals)
 
 
 def same_class(truth: Record, named: Record) -> bool:
-    """Give the same, or a twin of it."""
+    """Return whether `named` is the truth, names the truth as confounded with it, or is of a kind in one of `TWINS`."""
     return same(truth, named) or any({truth["effect"], named["effect"]} <= twins for twins in TWINS)
 
 
@@ -47,7 +47,7 @@ def _inside(params: dict[str, float], between: dict[str, list[float] | None] | N
 
 
 def judge(r: Record) -> Record:
-    """Give what one diagnosis got right: `hits`, `right` (nothing missed, nothing invented), `exact`, `fall`."""
+    """Return the scores of one diagnosis: `hits`, `right` (nothing missed, nothing invented), `exact`, `fall`."""
     named = [e for e in r["effects"] if not e.get("tentative")] if r["verdict"] != "unexplained" else []
     left, hits = list(named), 0
     for truth in r["hidden"]:
@@ -98,7 +98,7 @@ def values(records: Sequence[Record]) -> list[tuple[str, str, float, float, floa
 
 
 def report(records: Sequence[Record]) -> str:
-    """Give the whole score as Markdown."""
+    """Return the whole score as Markdown."""
     failed = [r for r in records if r["verdict"] == "failed"]
     done = [judge(r) for r in records if r["verdict"] != "failed"]
     kind = {k: [r for r in done if r["kind"] == k] for k in ("single", "pair", "none", "unknown")}
@@ -146,7 +146,7 @@ def report(records: Sequence[Record]) -> str:
 
 
 def references(records: Sequence[Record]) -> str:
-    """Give what fits of the true effects leave, as Markdown: what errors can fall to in these recordings."""
+    """Return as Markdown the errors of fits of the true effects, the least that a diagnosis can reach."""
     done = [r for r in records if r["verdict"] != "failed"]
     falls = [(r["before"] / r["after"], r["plain_before"] / r["plain_after"]) for r in done]
     cells = [
@@ -160,7 +160,7 @@ def references(records: Sequence[Record]) -> str:
 
 
 def _row(r: Record) -> tuple[str, ...]:
-    """Give a case as a line of the report."""
+    """Return a case as a line of the report."""
     good = r["verdict"] == "unexplained" if r["kind"] == "unknown" else r["right"]
     errors = [f"{step['heldout_error']:.3f}" for step in r["ladder"] or []]
     return (

@@ -52,7 +52,7 @@ class Played:
 
 
 def in_model(effects: tuple[EffectInstance, ...], config: PegConfig, episodes: int) -> Played:
-    """Give the scripted policy in the project's cell with these effects."""
+    """Return the scripted policy in the project's cell with these effects."""
     told = EffectInstance.of("goal_imprecision", "hole", **dict(zip("xyz", MISTAKE, strict=True)))
     sim = TaskSimulation(World(effects=(*effects, told)), config, episodes)
     sim.reset(np.arange(episodes), list(range(episodes)))
@@ -73,7 +73,7 @@ def peak_of(force: np.ndarray, period: float) -> float:
 
 
 def in_plant(truth: Truth, config: PegConfig, start: np.ndarray) -> Played:
-    """Give the same policy in the hidden plant, from the same places (n, 3)."""
+    """Return the same policy in the hidden plant, from the same places (n, 3)."""
     n = len(start)
     plant = Plant([truth] * n, start, np.tile(DOWN, (n, 1, 1)), np.full(n, config.force_limit))
     expert, layout = Expert(config, n), Observation(TERMS, config)

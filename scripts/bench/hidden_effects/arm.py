@@ -39,7 +39,7 @@ def rigid(
     payload: tuple[float, np.ndarray] | None = None,
     tilt: tuple[float, float] = (0.0, 0.0),
 ) -> mujoco.MjModel:
-    """Give the bare arm without limits, contacts, actuators or passive forces.
+    """Return the bare arm without limits, contacts, actuators or passive forces.
 
     Args:
         mass: kg added to a link; its inertia about its centre of mass grows in proportion.

@@ -150,7 +150,7 @@ def _case(name: str, kind: str, places: list[tuple[str, str, float]], seed: int)
 
 
 def cases(seed: int = SCORED, grid: bool = False) -> list[Case]:
-    """Give the standard list, or with `grid` every place of every effect."""
+    """Return the standard list, or with `grid` every place of every effect."""
     out = []
     for kind, family in (("single", GRID), ("unknown", UNKNOWN)):
         for effect, (standard, allowed) in family.items():
@@ -198,7 +198,7 @@ def soft(seed: int = SCORED) -> list[Case]:
 
 
 def choose(only: tuple[str, ...], seed: int = SCORED, limit: int | None = None, group: str = "") -> list[Case]:
-    """Give the standard list, or what of the full grid matches a pattern (`backlash/*/large`), thinned to `limit`.
+    """Return the standard list, or what of the full grid matches a pattern (`backlash/*/large`), thinned to `limit`.
 
     With a `group` (`many`, `soft`), of its cases.
     """

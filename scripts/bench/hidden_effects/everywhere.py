@@ -1,4 +1,4 @@
-"""Cases of a benchmark, a few at a time: in threads of this process, or on a Ray cluster that sees the same folder."""
+"""Run the cases of a benchmark, a few at a time, in threads or on a Ray cluster that has access to the same folder."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ENGINES: tuple[Engine, ...] = ("local", "ray")
 
 
 def each(work: Callable[[C], R], cases: Sequence[C], workers: int, engine: Engine = "local") -> Iterator[tuple[C, R]]:
-    """Give each case with what `work` makes of it, as they come."""
+    """Yield each case with the result of `work`, in the order in which they finish."""
     if engine == "ray":
         from vispeg.core.cluster import on_ray
 

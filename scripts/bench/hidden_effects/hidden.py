@@ -91,7 +91,7 @@ def _place(p: dict[str, np.ndarray], r: int, item: Hide) -> None:
 
 
 def rigid_body(hidden: tuple[Hide, ...]) -> mujoco.MjModel:
-    """Give the arm with what is hidden in its bodies and its mounting."""
+    """Return the arm with what is hidden in its bodies and its mounting."""
     mass, com, payload, tilt = {}, {}, None, (0.0, 0.0)
     for item in hidden:
         v = item.params

@@ -229,7 +229,7 @@ class _Delayed:
         self.past = [u, *self.past[: self.keep - 1]] if self.past else [u] * self.keep
 
     def at(self, i: int) -> np.ndarray:
-        """Give what reaches the drives in tick i of the period, (nrow, 7)."""
+        """Return what reaches the drives in tick i of the period, (nrow, 7)."""
         if self.keep == 1:
             return self.past[0]
         past = np.stack(self.past)

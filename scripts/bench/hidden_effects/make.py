@@ -20,7 +20,7 @@ ROWS = 24  # recordings simulated together
 
 
 def motions(case: Case) -> list[Motion]:
-    """Give the commanded motions of a case: Fourier, slow triangles with chirps, and one of the two anew."""
+    """Return the commanded motions of a case: Fourier, slow triangles with chirps, and one of the two anew."""
     last = ("fourier", "mix")[int(stream(case.seed, "last", case.name).integers(2))]
     names = ["osc"] * 3 if case.mode == "osc" else ["fourier", "mix", last]
     out = []

@@ -1,4 +1,4 @@
-"""Scores the linear proposal in torque space alone: what it calls likely in seconds, before anything is rolled out."""
+"""Scores the linear proposal in torque space alone: the effects that it calls likely, before any rollout."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def straight(name: str) -> bool:
 
 
 def proposed(root: Path, case: Case) -> Record:
-    """Give what is likely in one case, how much of the missing torque it takes away, and processor seconds."""
+    """Return the likely effects of one case, the share of the missing torque that they explain, and CPU seconds."""
     first, second, last = folders(root, case)
     inputs = read_inputs("iiwa14", [first, second], [last])
     begin = time.process_time()
@@ -52,7 +52,7 @@ def run(root: Path, chosen: Sequence[Case], results: Path) -> list[Record]:
 
 
 def table(records: Sequence[Record]) -> str:
-    """Give the score as Markdown: a row a kind of case; a hidden effect counts as proposed by class and place."""
+    """Return the score as Markdown: a row a kind of case; a hidden effect counts as proposed by class and place."""
     lines = [_row("cases", "of", "hidden effects that are likely", "beside them, a case", "cases with none beside them",
                   "torque left, held out", "processor s, median and greatest"), _row(*["---"] * 7)]  # fmt: skip
     groups = {

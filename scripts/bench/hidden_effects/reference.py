@@ -1,4 +1,4 @@
-"""What a fit that is told the truth reaches, and what a fixed parameter set makes of the same recordings.
+"""Fit the true effects, and a fixed set of parameters, to a case's recordings, as references for a diagnosis.
 
 Run as a script by the benchmark: `python reference.py FOLDER HIDDEN_JSON [--baseline]` prints one JSON object.
 """
@@ -26,7 +26,7 @@ SMALL = np.array([1.0, 1.0, 0.6, 0.6, 0.1, 0.1, 0.01])  # start of the fixed set
 
 
 def fitted(world: World, folder: Path) -> tuple[Fit, float, float]:
-    """Give the world fitted to the first two recordings, its held-out error on the third, rad RMS, and the floor of
+    """Return the world fitted to the first two recordings, its held-out error on the third, rad RMS, and the floor of
     that.
     """
     recordings = [load(folder / f"rec-{i}") for i in (1, 2, 3)]

@@ -41,7 +41,7 @@ def _call(arguments: list[str]) -> tuple[int, str, float]:
 
 
 def diagnose(root: Path, case: Case) -> dict:
-    """Give the record of one case, which `score.report` reads."""
+    """Return the record of one case, which `score.report` reads."""
     first, second, last = folders(root, case)
     out = root / "diagnosis" / case.key
     status, text, seconds = _call([
@@ -68,7 +68,7 @@ def commit() -> str | None:
 
 
 def references(root: Path, case: Case, baseline: bool = False) -> dict:
-    """Give what a fit of the truth, and of a fixed parameter set where asked for, reaches in a case."""
+    """Return the errors of a fit of the true effects, and on request of a fixed parameter set, in a case."""
     extra = ["--baseline"] if baseline and case.kind == "single" else []
     folder, hidden = folders(root, case)[0].parent, json.dumps([asdict(h) for h in case.hidden])
     status, text, _ = _call([str(HERE / "reference.py"), str(folder), hidden, *extra])
@@ -98,7 +98,7 @@ def refer(root: Path, chosen: list[Case], results: Path, workers: int, engine: E
 
 
 def _read(results: Path, seeds: set[int]) -> dict[str, dict]:
-    """Give the records of these seeds in a file of results, by case; a line cut short by a kill is run again."""
+    """Return the records of these seeds in a file of results, by case; a line cut short by a kill is run again."""
     known: dict[str, dict] = {}
     for line in results.read_text().splitlines() if results.exists() else []:
         try:
@@ -144,6 +144,6 @@ def run(
 
 
 def _whole(root: Path, known: dict[str, dict], reference: bool, baseline: bool, case: Case) -> dict:
-    """Give the record of a case, with what it lacks of references."""
+    """Return the record of a case, completed by the references that it lacks."""
     record = known.get(case.name) or diagnose(root, case)
     return record | references(root, case, baseline) if _lacks(case, record, reference, baseline) else record

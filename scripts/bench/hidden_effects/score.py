@@ -65,7 +65,7 @@ def _matched(truth: Sequence[Record], named: Sequence[Record]) -> int:
 
 
 def judge(r: Record) -> Record:
-    """Give what one diagnosis got right.
+    """Return the scores of one diagnosis.
 
     Adds: exact, right_class (nothing missed, nothing invented), right_place, found (all there, perhaps more), extras,
     confident (the verdict claims to know), error_fall, to_oracle, shows.
@@ -123,7 +123,7 @@ def _row(*cells: object) -> str:
 
 
 def report(records: Sequence[Record]) -> str:
-    """Give the whole score as Markdown."""
+    """Return the whole score as Markdown."""
     failed = [r for r in records if r["verdict"] == "failed"]
     done = [judge(r) for r in records if r["verdict"] != "failed"]
     known, pairs = [r for r in done if r["kind"] == "single"], [r for r in done if r["kind"] == "pair"]
@@ -189,7 +189,7 @@ def report(records: Sequence[Record]) -> str:
 
 
 def _many(crowd: Sequence[Record], strange: Sequence[Record], failed: Sequence[Record]) -> str:
-    """Give the score of cases with many effects."""
+    """Return the score of cases with many effects."""
     truths = [i < r["hits"] for r in crowd for i in range(len(r["hidden"]))]
     certain = [i < r["sure_hits"] for r in crowd for i in range(len(r["hidden"]))]
     names = [i < r["false_names"] for r in (*crowd, *strange) for i in range(r["sure"])]

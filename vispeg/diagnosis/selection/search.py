@@ -164,7 +164,7 @@ class Search(Loop, Shown, Proposals):
     def places(
         self, state: State, missing: Sequence[MissingTorque]
     ) -> tuple[list[tuple[str, str]], list[tuple[str, str]], list[list[tuple[str, str]]]]:
-        """Return (effect, place) of the candidates to try first, of the others, and the groups to try with the first."""
+        """Return (effect, place) of the candidates to try first and of the others, and groups to try with the first."""
         everywhere = list(self.evidence.items[0].robot.joints)
         first = suspects(missing, everywhere) if self.evidence.unit == "rad" else everywhere
         near = candidates(self.evidence, state.world, first)
