@@ -1,4 +1,4 @@
-"""The effect library: a folder for each family, one file an effect; every module below here enrols what it defines."""
+"""The effect library: a folder for each family, a file for each effect. Importing the package registers them."""
 
 from importlib import import_module
 from pkgutil import walk_packages
@@ -10,11 +10,11 @@ for _module in sorted(m.name for m in walk_packages(__path__, f"{__name__}.") if
 
 
 def find(search: str = "", family: Family | None = None) -> list[Effect]:
-    """Give the registered effects, by name.
+    """Return the registered effects that match, sorted by name.
 
     Args:
-        search: a text that name, first lines or parameters must have in them, in any case.
-        family: one alone.
+        search: text that the effect's name, family, class docstring or parameters must contain; case is ignored.
+        family: the family of the effects; None for all families.
     """
     words = search.lower()
     chosen = [e for _, e in sorted(REGISTRY.items()) if family in (None, e.family)]

@@ -1,4 +1,4 @@
-"""Ambient light: what comes from everywhere, brighter or dimmer by `level` (of full white), with a colour temperature.
+"""Ambient light: `level` is added to the light from all directions (1 is full white), and a colour temperature set.
 
 Native mechanism: `vis.headlight.ambient`.
 """
@@ -17,7 +17,7 @@ class AmbientLight(SceneLook):
 
     name = "ambient_light"
     params = {
-        "level": Param(0.0, -0.5, 0.6, "1", start=0.15, doc="added to all channels, not below 0.02"),
+        "level": Param(0.0, -0.5, 0.6, "1", start=0.15, doc="added to red, green and blue; each stays at least 0.02"),
         "kelvin": Param(6500.0, 2000.0, 12000.0, "K", start=5000.0, doc="colour temperature"),
     }
     writes = frozenset({"vis.headlight.ambient"})

@@ -1,6 +1,6 @@
 """Background: the wall behind the cell stands nearer or further, turned and leaning.
 
-Colours and patterns of wall, table and floor are `part_colour`, `part_texture` and `image_texture` there.
+The effects `part_colour`, `part_texture` and `image_texture` change colours and patterns of wall, table and floor.
 Native mechanism: `geom_pos` and `geom_quat` of the part `wall` (`geom_sameframe` is cleared, or MuJoCo would ignore
 the turn).
 """

@@ -1,12 +1,13 @@
-"""Distractors: up to five things that lie on the table, to be seen and not to be touched.
+"""Distractors: up to five objects on the table that cameras see and that nothing can touch.
 
 They are built-in shapes, or the meshes that a world's `distractor_meshes` names, in the size that their files have.
 
-Kinds, sizes, colours and places follow from `seed` alone: flat enough (at most 6 cm) and far enough from the goal
-(`KEEP_OUT`, outside the fixture) to stay clear of the gripper and what it holds. A place that overlaps another thing is
-drawn again.
-Native mechanism: `geom_pos`, `geom_quat`, `geom_size`, `geom_rgba` of the scene's parked geoms, with the bounds that
-ray casting goes by (`geom_rbound`, `geom_aabb`) and `geom_sameframe` cleared so that their turn counts.
+Kinds, sizes, colours and places follow from `seed` alone. Built-in shapes are at most 6 cm high, and every object stays
+`KEEP_OUT` away from the goal, so the gripper and the held part do not reach into them. A place that overlaps another
+object is drawn again.
+Native mechanism: `geom_pos`, `geom_quat`, `geom_size`, `geom_rgba` of geoms that the scene keeps invisible, and the
+bounds that ray casting uses (`geom_rbound`, `geom_aabb`). `geom_sameframe` is cleared, or MuJoCo would ignore the
+rotation.
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ from vispeg.core.seeds import stream
 from vispeg.effects.common.appearance import SEEDS, SceneLook
 from vispeg.effects.common.colour import rgb_of_hsv
 
-KEEP_OUT = 0.09  # m, from the goal's axis to the nearest point of a thing
-AREA = np.array([[0.35, 0.90], [-0.35, 0.35]])  # m, of the table around the goal, x and y in the base frame
-TRIES = 50
-LIFT = 1e-4  # m, of a mesh over the table: of a sheet without thickness no picture could tell which is above
+KEEP_OUT = 0.09  # m, from the goal's axis to the nearest point of an object
+AREA = np.array([[0.35, 0.90], [-0.35, 0.35]])  # m, range of the objects' centres: x and y in the base frame
+TRIES = 50  # places drawn for an object before it is left out
+LIFT = 1e-4  # m, height of a mesh above the table, so that a flat sheet and the table are not at the same depth
 G = mujoco.mjtGeom
 
 
@@ -57,7 +58,7 @@ class Distractors(SceneLook):
                     local = size_bounds(kind, size)
                 place = _place(rng, taken, reach)
                 colour = rgb_of_hsv(rng.uniform(), rng.uniform(), rng.uniform(0.15, 1))
-                if place is None:  # no room: it stays away
+                if place is None:  # no free place: the object stays invisible
                     continue
                 taken.append((place, reach))
                 fields["geom_pos"][row, g] = stands + [*place, 0]
@@ -71,7 +72,10 @@ class Distractors(SceneLook):
 
 
 def _shape(kind: int, half: np.ndarray, yaw: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """`geom_size`, half extents along table and height, and quaternion of a shape resting on the table. m."""
+    """Return `geom_size`, half extents (both (3,) m) and quaternion of a shape that rests on the table.
+
+    The half extents are those along the shape's horizontal axes, then of its height.
+    """
     turn = np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)])
     if kind == G.mjGEOM_SPHERE:
         return np.array([half[2], 0, 0]), np.full(3, half[2]), turn
@@ -85,9 +89,10 @@ def _shape(kind: int, half: np.ndarray, yaw: float) -> tuple[np.ndarray, np.ndar
 
 
 def _mesh(model: mujoco.MjModel, mesh: int, yaw: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Place, m, and quaternion of a mesh's geom that stands turned on the table's origin, and how far it reaches, m.
+    """Return position (3,) m, quaternion (4,) and horizontal reach, m, of a mesh's geom on the table.
 
-    The compiler moved the mesh's vertices into its own principal axes, by `mesh_pos` and `mesh_quat`.
+    The mesh is turned by `yaw` rad and the origin of its file is at the table's origin. MuJoCo's compiler moved the
+    vertices into the mesh's principal axes, by `mesh_pos` and `mesh_quat`, which is undone here.
     """
     turn, quat, stands, matrix = (
         np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]),
@@ -104,7 +109,7 @@ def _mesh(model: mujoco.MjModel, mesh: int, yaw: float) -> tuple[np.ndarray, np.
 
 
 def size_bounds(kind: int, size: np.ndarray) -> np.ndarray:
-    """Half extents (3,) in m of a shape along its own axes."""
+    """Return half extents (3,) in m of a shape along its own axes."""
     if kind == G.mjGEOM_SPHERE:
         return np.full(3, size[0])
     if kind == G.mjGEOM_CYLINDER:

@@ -1,7 +1,7 @@
-"""Environment: surroundings from a Radiance .hdr panorama, seen as the sky and felt as the colour of ambient light.
+"""Environment: surroundings from a Radiance .hdr panorama, which shows as the sky and colours the ambient light.
 
-The panorama is tone-mapped into the skybox texture `sky`; `light` turns the colour of `vis.headlight.ambient` to that
-of the mean light from above (cosine-weighted, as a level surface receives it), at the brightness it had.
+The panorama is tone-mapped into the skybox texture `sky`. `light` moves the colour of `vis.headlight.ambient` towards
+that of the mean light from above (cosine-weighted, as a level surface receives it); its brightness stays.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ class Environment(SceneLook):
     name = "environment"
     order = 60
     params = {
-        "amount": Param(0.0, 0.0, 1.0, "1", start=1.0, doc="of the panorama over the nominal sky"),
-        "light": Param(0.0, 0.0, 1.0, "1", start=0.5, doc="of its colour in the ambient light"),
+        "amount": Param(0.0, 0.0, 1.0, "1", start=1.0, doc="share of the panorama in the sky; the rest is nominal"),
+        "light": Param(0.0, 0.0, 1.0, "1", start=0.5, doc="share of the panorama's colour in the ambient light"),
         "pick": Param(
             0.0,
             0.0,
@@ -30,9 +30,9 @@ class Environment(SceneLook):
             "1",
             start=0.0,
             shape=True,
-            doc="which panorama: share of the sorted list; above 1 of that for training",
+            doc="place in the sorted list of panoramas, 0 to 1; in that for training, 1 to 2",
         ),
-        "turn": Param(0.0, -np.pi, np.pi, "rad", start=0.0, shape=True, doc="about the vertical"),
+        "turn": Param(0.0, -np.pi, np.pi, "rad", start=0.0, shape=True, doc="rotation about the vertical"),
         "exposure": Param(0.0, -3.0, 3.0, "1", start=0.0, shape=True, doc="exposure of the panorama, stops"),
     }
     writes = frozenset({"tex_data", "vis.headlight.ambient"})
@@ -55,7 +55,7 @@ class Environment(SceneLook):
 
 
 def received(panorama: np.ndarray) -> np.ndarray:
-    """Light (3,) on a level surface: the panorama's upper half weighted by cos(zenith) and solid angle."""
+    """Return the light (3,) on a level surface: the panorama's upper half, weighted by cos(zenith) and solid angle."""
     rows = len(panorama) // 2
     zenith = (np.arange(rows) + 0.5) / len(panorama) * np.pi
     weight = np.cos(zenith) * np.sin(zenith)

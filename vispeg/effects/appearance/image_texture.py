@@ -1,7 +1,7 @@
-"""Image texture: a picture on a part, in its own colours: the part's colour goes to white as the picture comes.
+"""Image texture: an image on a part. The part's colour turns white as `amount` grows, so the image keeps its colours.
 
-The image is the one at `pick` (0 to 1) of the sorted list of images (`vispeg.effects.common.images` says where from),
-so the same world works with a folder of any size. Native mechanism: `tex_data`, `mat_texrepeat`, `mat_rgba`.
+`pick` is the image's place in the sorted list of images (see `vispeg.effects.common.images`), from 0 (first) to 1
+(last), so the same world works with a folder of any size. Native mechanism: `tex_data`, `mat_texrepeat`, `mat_rgba`.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ class ImageTexture(PartLook):
     name = "image_texture"
     order = 60
     params = {
-        "amount": Param(0.0, 0.0, 1.0, "1", start=1.0, doc="of the image over the part's own look"),
-        "pick": Param(0.0, 0.0, 1.0, "1", start=0.0, shape=True, doc="which image: share of the sorted list"),
+        "amount": Param(0.0, 0.0, 1.0, "1", start=1.0, doc="share of the image; the rest is nominal"),
+        "pick": Param(0.0, 0.0, 1.0, "1", start=0.0, shape=True, doc="place in the sorted list of images"),
         "size": Param(0.25, 0.02, 3.0, "m", start=0.25, shape=True, scale="log", doc="edge of the image on the part"),
-        "turns": Param(0.0, 0.0, 4.0, "1", start=0.0, shape=True, doc="quarter turns of the image, cut"),
+        "turns": Param(0.0, 0.0, 4.0, "1", start=0.0, shape=True, doc="quarter turns of the image, rounded down"),
     }
     writes = frozenset({"tex_data", "mat_texrepeat", "mat_rgba"})
 

@@ -1,4 +1,4 @@
-"""Light count: how many of the scene's lamps burn, counted from the nominal number in the scene's order of lights.
+"""Light count: the number of lamps that are on, at least one. The first in the scene's order are on.
 
 Native mechanism: `light_active`.
 """
@@ -15,7 +15,7 @@ class LightCount(SceneLook):
     """Number of lamps."""
 
     name = "light_count"
-    params = {"extra": Param(0.0, -3.0, 3.0, "1", start=1.0, doc="lamps beyond the nominal number, rounded; one stays")}
+    params = {"extra": Param(0.0, -3.0, 3.0, "1", start=1.0, doc="lamps beyond the nominal number, rounded")}
     writes = frozenset({"light_active"})
 
     def write(self, fields, p):

@@ -1,7 +1,7 @@
-"""Material finish: how a part's surface shines, as offsets from the nominal material, cut to [0, 1].
+"""Material finish: how a part's surface shines, as offsets from the nominal material, clipped to [0, 1].
 
-Native mechanism: `mat_specular`, `mat_shininess`, `mat_reflectance`; `mat_roughness` and `mat_metallic` for renderers
-that use them, where `roughness` = 1 - shininess whenever the finish is not nominal.
+Native mechanism: `mat_specular`, `mat_shininess`, `mat_reflectance`. If the finish is not nominal, renderers that use
+them also get `mat_roughness` = 1 - shininess and `mat_metallic` = `metallic`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class MaterialFinish(PartLook):
     params = {
         "specular": Param(0.0, -1.0, 1.0, "1", start=0.4, doc="added to the strength of highlights"),
         "shininess": Param(0.0, -1.0, 1.0, "1", start=0.3, doc="added to the sharpness of highlights"),
-        "reflectance": Param(0.0, 0.0, 0.6, "1", start=0.2, doc="of mirror images, where the renderer draws them"),
+        "reflectance": Param(0.0, 0.0, 0.6, "1", start=0.2, doc="added to the strength of mirror images, if drawn"),
         "metallic": Param(0.0, 0.0, 1.0, "1", start=0.5, doc="share of metal, in a physically based renderer"),
     }
     writes = frozenset({*FIELDS.values(), "mat_roughness", "mat_metallic"})

@@ -18,7 +18,7 @@ class PartColour(Effect):
     family = "appearance"
     order = 40
     params = {
-        "amount": Param(0.0, 0.0, 1.0, "1", start=1.0, doc="of the new colour over the nominal one"),
+        "amount": Param(0.0, 0.0, 1.0, "1", start=1.0, doc="share of the new colour; the rest is nominal"),
         "hue": Param(0.0, 0.0, 1.0, "turn", start=0.6, shape=True, doc="0 red, 1/3 green, 2/3 blue"),
         "saturation": Param(0.0, 0.0, 1.0, "1", start=0.7, shape=True, doc="0 grey, 1 pure"),
         "value": Param(0.0, 0.0, 1.0, "1", start=0.6, shape=True, doc="0 black, 1 bright"),
@@ -26,7 +26,7 @@ class PartColour(Effect):
     writes = frozenset({"mat_rgba", "geom_rgba"})
 
     def targets(self, model):
-        return [part for part in getattr(model, "parts", {}) if part != "distractors"]  # they bring their own
+        return [part for part in getattr(model, "parts", {}) if part != "distractors"]  # these set their own
 
     def write(self, fields, p):
         colour = rgb_of_hsv(p["hue"], p["saturation"], p["value"])

@@ -1,6 +1,7 @@
-"""Part texture: a procedural pattern over a part's colour. A texel is `1 - amount (1 - t)`, where t is the pattern's
-colour: white where the pattern is 1, a second tone where it is 0.
+"""Part texture: a procedural pattern over a part's colour.
 
+A texel of the texture, by which the part's colour is multiplied, is `1 - amount (1 - t)`. Here t is the pattern's
+colour: white where the pattern is 1, a second tone where it is 0.
 Native mechanism: pixels of the part's texture (`tex_data`) and the size of its tile (`mat_texrepeat`).
 """
 
@@ -22,7 +23,9 @@ class PartTexture(PartLook):
     order = 50
     params = {
         "amount": Param(0.0, 0.0, 1.0, "1", start=0.8, doc="contrast of the pattern"),
-        "kind": Param(0.0, 0.0, float(len(KINDS)), "1", start=0.0, shape=True, doc=f"cut to: {', '.join(KINDS)}"),
+        "kind": Param(
+            0.0, 0.0, float(len(KINDS)), "1", start=0.0, shape=True, doc=f"rounded down, index in: {', '.join(KINDS)}"
+        ),
         "scale": Param(
             0.03, 0.002, 0.5, "m", start=0.03, shape=True, scale="log", doc="size of a feature of the pattern"
         ),

@@ -1,4 +1,4 @@
-"""Shadows: the first `lights` lamps cast them; each costs one more pass of the renderer.
+"""Shadows: the first `lights` lamps cast shadows; each costs one more pass of the renderer.
 
 Native mechanism: `light_castshadow`, where the renderer was made with shadows.
 """

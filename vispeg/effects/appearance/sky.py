@@ -1,4 +1,4 @@
-"""Sky: what is seen where no surface is, made up from a seed: a horizon between two colours, and lamps or windows.
+"""Sky: random surroundings that show where no surface is: sky, horizon and ground colours, dark objects and lamps.
 
 Native mechanism: pixels of the skybox texture `sky`.
 """
@@ -20,7 +20,7 @@ class Sky(SceneLook):
     order = 40
     params = {
         "amount": Param(0.0, 0.0, 1.0, "1", start=1.0, doc="share of the procedural sky over the nominal one"),
-        "seed": Param(0.0, 0.0, SEEDS, "1", start=1.0, shape=True, doc="seed of colours and lamps"),
+        "seed": Param(0.0, 0.0, SEEDS, "1", start=1.0, shape=True, doc="seed of colours, objects and lamps"),
     }
     writes = frozenset({"tex_data"})
 

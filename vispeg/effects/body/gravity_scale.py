@@ -1,7 +1,7 @@
 """Gravity scale: gravity is `scale` times nominal, in its own direction.
 
-What an arm that compensates its weight by a wrong gravity feels; a real place on Earth has 0.997 to 1.003 of standard
-gravity. Native mechanism: `opt.gravity`.
+It stands for a controller that compensates the arm's weight with a wrong gravity. On Earth, gravity is 0.997 to 1.003
+of the standard value. Native mechanism: `opt.gravity`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ class GravityScale(Effect):
     name = "gravity_scale"
     family = "body"
     searchable = False
-    params = {"scale": Param(1.0, 0.0, 2.0, "1", start=1.05, doc="of nominal gravity")}
+    params = {"scale": Param(1.0, 0.0, 2.0, "1", start=1.05, doc="gravity over nominal")}
     writes = frozenset({"opt.gravity"})
 
     def targets(self, model):

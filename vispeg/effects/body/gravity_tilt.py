@@ -1,7 +1,6 @@
-"""Gravity tilt: the base is rolled about x and then pitched about y, so gravity in the base frame is
-`(Rx(roll) Ry(pitch))' g`.
+"""Gravity tilt: the base is rolled about x and then pitched about y.
 
-Native mechanism: `opt.gravity`, changed by the difference from the nominal direction.
+Gravity in the base frame is `(Rx(roll) Ry(pitch))' g`. Native mechanism: `opt.gravity`.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ class GravityTilt(Effect):
     name = "gravity_tilt"
     family = "body"
     params = {
-        "roll": Param(0.0, -0.35, 0.35, "rad", start=0.01, doc="of the base about its x axis"),
+        "roll": Param(0.0, -0.35, 0.35, "rad", start=0.01, doc="rotation of the base about its x axis"),
         "pitch": Param(0.0, -0.35, 0.35, "rad", start=0.01, doc="then about its y axis"),
     }
     writes = frozenset({"opt.gravity"})

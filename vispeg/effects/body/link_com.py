@@ -1,4 +1,4 @@
-"""Link centre of mass: a link's mass sits elsewhere than its data sheet says, by (x, y, z) in the body frame.
+"""Link centre of mass: it differs from the data sheet's by (x, y, z) in the link's body frame.
 
 Native mechanism: `body_ipos`; the inertia about the centre of mass is kept.
 """

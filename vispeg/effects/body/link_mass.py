@@ -1,7 +1,6 @@
 """Link mass: a link is heavier or lighter than its data sheet says, its shape unchanged.
 
-`mass` is added at the link's own centre of mass and its inertia scales with the mass. Native mechanism: `body_mass`,
-`body_inertia`.
+The centre of mass stays, and the inertia scales with the mass. Native mechanism: `body_mass`, `body_inertia`.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ import numpy as np
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
 
-LEAST = 0.05  # of the nominal mass: a link cannot weigh nothing
+LEAST = 0.05  # least mass over nominal mass: a link cannot weigh nothing
 
 
 class LinkMass(Effect):

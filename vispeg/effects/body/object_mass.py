@@ -1,6 +1,6 @@
-"""Object mass: what the gripper holds, or a free object, weighs `scale` times nominal, its shape unchanged.
+"""Object mass: the held part, or a free object, has `scale` times its nominal mass.
 
-Native mechanism: `body_mass` and `body_inertia` of the body, both in proportion (uniform density).
+Native mechanism: `body_mass` and `body_inertia` of the body, both in proportion (the same shape, another density).
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from vispeg.effects.common.parts import held
 
 
 class ObjectMass(Effect):
-    """Scale of the held part's mass and inertia."""
+    """Scale of a held or free object's mass and inertia."""
 
     name = "object_mass"
     family = "body"
     searchable = False
-    params = {"scale": Param(1.0, 0.05, 10.0, "1", start=1.3, scale="log", doc="of the nominal mass")}
+    params = {"scale": Param(1.0, 0.05, 10.0, "1", start=1.3, scale="log", doc="mass over nominal")}
     writes = frozenset({"body_mass", "body_inertia"})
     stage = "free air"
     sizes = {"scale": (0.4, 2.0)}

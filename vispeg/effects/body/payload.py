@@ -1,4 +1,4 @@
-"""Payload: an undeclared mass at the flange, a ball about (x, y, z) in the flange frame.
+"""Payload: an undeclared mass at the flange, a ball centred at (x, y, z) in the flange frame.
 
 Native mechanism: mass, centre and inertia of the body that carries the flange. Source: parallel-axis theorem.
 """
@@ -23,7 +23,7 @@ class Payload(Effect):
         "x": Param(0.0, -0.2, 0.2, "m", start=0.0, shape=True, doc="centre of mass in the flange frame"),
         "y": Param(0.0, -0.2, 0.2, "m", start=0.0, shape=True, doc="centre of mass in the flange frame"),
         "z": Param(0.05, -0.1, 0.4, "m", start=0.05, shape=True, doc="centre of mass in the flange frame"),
-        "radius": Param(0.03, 0.0, 0.2, "m", start=0.03, shape=True, doc="of a ball with the payload's inertia"),
+        "radius": Param(0.03, 0.0, 0.2, "m", start=0.03, shape=True, doc="radius of a ball with the payload's inertia"),
     }
     writes = frozenset({"body_mass", "body_ipos", "body_inertia", "body_iquat"})
 

@@ -1,6 +1,7 @@
-"""Tool centre of mass: what hangs behind the wrist's force sensor, the held part aside, balances (x, y, z) elsewhere.
+"""Tool centre of mass: it differs from the declared one by (x, y, z) in the flange's axes.
 
-Axes are the flange's. Native mechanism: `body_ipos` of the body `tool`; the inertia about the centre of mass is kept.
+The tool is what the wrist's force sensor carries, without the held part. Native mechanism: `body_ipos` of the body
+`tool`; the inertia about the centre of mass is kept.
 """
 
 from __future__ import annotations

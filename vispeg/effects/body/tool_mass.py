@@ -1,7 +1,7 @@
-"""Tool mass: what hangs behind the wrist's force sensor, the held part aside, weighs `mass` more than declared.
+"""Tool mass: what the wrist's force sensor carries, without the held part, weighs `mass` more than declared.
 
-A payload sits at the flange, before the sensor, and is not in its reading; this one is. Native mechanism: `body_mass`
-and `body_inertia` of the body `tool`, both in proportion (the shape and the centre of mass stay).
+The sensor's reading contains this mass, while a `payload` sits on the arm's side of the sensor. Native mechanism:
+`body_mass` and `body_inertia` of the body `tool`, both in proportion (the shape and the centre of mass stay).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from vispeg.core.effect import Effect
 from vispeg.core.params import Param
 from vispeg.effects.common.parts import in_scene
 
-LEAST = 0.05  # of the declared mass that is left
+LEAST = 0.05  # least mass over declared mass
 
 
 class ToolMass(Effect):
@@ -21,7 +21,7 @@ class ToolMass(Effect):
     name = "tool_mass"
     family = "body"
     searchable = False
-    params = {"mass": Param(0.0, -0.5, 5.0, "kg", start=0.1, doc="added to the gripper's")}
+    params = {"mass": Param(0.0, -0.5, 5.0, "kg", start=0.1, doc="added to the gripper's mass")}
     writes = frozenset({"body_mass", "body_inertia"})
     stage = "free air"
     sizes = {"mass": (-0.1, 0.1, 0.4)}

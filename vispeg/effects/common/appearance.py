@@ -1,4 +1,4 @@
-"""What looks have in common: where they act, and how they reach materials and textures of a compiled scene."""
+"""Base classes of the `appearance` effects, and access to the textures of a compiled scene."""
 
 from __future__ import annotations
 
@@ -9,47 +9,47 @@ import numpy as np
 
 from vispeg.core.effect import Effect
 
-SEEDS = 2.0**31 - 1  # a seed parameter lies in 0..SEEDS and is cut to a whole number
+SEEDS = 2.0**31 - 1  # greatest value of a seed parameter, which is rounded down to a whole number
 
 
 class PartLook(Effect):
-    """A look of parts that have a material and a texture of their own."""
+    """An appearance effect of parts that have a material and a texture of their own."""
 
     family = "appearance"
 
     def targets(self, model: Any) -> list[str]:
-        """Every part but the arm, whose links keep the colours of its own description."""
+        """Return every part with a material except the arm, whose links have the colours of its description."""
         return [part for part in getattr(model, "dressed", ()) if part != "arm"]
 
 
 class LightLook(Effect):
-    """A look of single lights."""
+    """An appearance effect of single lights."""
 
     family = "appearance"
 
     def targets(self, model: Any) -> list[str]:
-        """Give the scene's lights."""
+        """Return the scene's lights."""
         return list(getattr(model, "lights", ()))
 
 
 class SceneLook(Effect):
-    """A look of the scene as a whole."""
+    """An appearance effect of the scene as a whole."""
 
     family = "appearance"
 
     def targets(self, model: Any) -> list[str]:
-        """`scene`, the only place there is, where its parts can be dressed."""
+        """Return `scene`, the only target, if the scene has parts with materials."""
         return ["scene"] if getattr(model, "dressed", ()) else []
 
 
 def at(names: list[str], weight: np.ndarray) -> Iterator[tuple[int, int, str]]:
-    """(row, column, name) of every place where `weight` (nsim, len(names)) is not 0."""
+    """Yield (row, column, name) of every place where `weight` (nsim, len(names)) is not 0."""
     for row, column in np.argwhere(weight != 0):
         yield int(row), int(column), names[column]
 
 
 def pixels(fields: Any, row: int, texture: str) -> np.ndarray:
-    """View (h, w, channels) uint8 of a texture's pixels; writing to it changes the texture."""
+    """Return a view (h, w, channels) uint8 of a texture's pixels; writing to it changes the texture."""
     model = fields.model
     i = model.texture(texture).id
     shape = int(model.tex_height[i]), int(model.tex_width[i]), int(model.tex_nchannel[i])
@@ -58,6 +58,6 @@ def pixels(fields: Any, row: int, texture: str) -> np.ndarray:
 
 
 def blend(below: np.ndarray, above: np.ndarray, amount: float) -> np.ndarray:
-    """`below` uint8 with `amount` of `above` (in [0, 1], sRGB) over it, uint8."""
+    """Return the mean, uint8, of `below` (uint8) and `above` (in [0, 1], sRGB), with weight `amount` for `above`."""
     mixed = (1 - amount) * below.astype(np.float32) + amount * 255 * above
     return np.clip(np.rint(mixed), 0, 255).astype(np.uint8)

@@ -12,17 +12,24 @@ from vispeg.core.effect import Effect, Values
 from vispeg.core.params import Param
 
 SEED_MAX = float(2**31 - 1)
-DELIVERED = ("rgb", "depth", "shown")  # what of a Frame is delivered later where a camera is late
+DELIVERED = ("rgb", "depth", "shown")  # fields of a Frame that are delivered late if a camera is late
 
 
 class CameraEffect(Effect):
-    """A fault of a camera. A bare robot carries none, so it has no target there."""
+    """A fault of a camera. It has no target on a bare robot, which has no camera.
+
+    Class attributes:
+        photometric: True if it changes only each pixel's colour, on its own and in the same way in every frame.
+        parts: groups of parameters, each of which is a fault by itself, without the others.
+        part_of: an effect of which this one is a special case, and the parameter there that is the same.
+        channel: the channel of images in which a diagnosis searches it: `border`, `depth` or `light`; empty for none.
+    """
 
     family = "camera"
-    photometric: ClassVar[bool] = False  # only turns each pixel's colour into another, the same way in every frame
-    parts: ClassVar[tuple[tuple[str, ...], ...]] = ()  # parameters that are a fault by themselves, without the others
-    part_of: ClassVar[tuple[str, str] | None] = None  # the effect that has this one as a part, and its parameter there
-    channel: ClassVar[str] = ""  # of pictures, in which a diagnosis looks for it: `border`, `depth`, `light`; or none
+    photometric: ClassVar[bool] = False
+    parts: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    part_of: ClassVar[tuple[str, str] | None] = None
+    channel: ClassVar[str] = ""
 
     def targets(self, model: Any) -> list[str]:
         return list(model.cameras) if getattr(model, "parts", None) else []
@@ -31,7 +38,7 @@ class CameraEffect(Effect):
         return frozenset({self.channel} - {""})
 
     def moved(self, fields: Any, p: Values) -> Iterator[tuple[int, int, dict[str, float]]]:
-        """Row of the batch, camera of the model and values, where the effect is at work on a camera there is."""
+        """Yield the simulation's row, the camera's id and the values, for cameras of the model with this effect."""
         for column, name in enumerate(fields.scene.cameras):
             camera = mujoco.mj_name2id(fields.model, mujoco.mjtObj.mjOBJ_CAMERA, name)
             here = {k: np.asarray(v)[:, column] for k, v in p.items()}
@@ -39,16 +46,16 @@ class CameraEffect(Effect):
                 yield int(row), camera, {k: float(v[row]) for k, v in here.items()}
 
     def rows(self, p: Values) -> np.ndarray:
-        """Give the indices of the images in which some magnitude is away from null; only those are touched."""
+        """Return the indices of the images with the effect: those in which a magnitude differs from null."""
         at_work = [np.asarray(p[name]) != self.params[name].null for name in self.magnitudes]
         return np.flatnonzero(np.any(at_work, axis=0))
 
 
 def seed_param(doc: str) -> Param:
-    """Give a shape parameter that picks one of the random forms an effect can take, so that a drawn world replays."""
+    """Return a shape parameter that seeds an effect's random choices, so that a sampled world can be replayed."""
     return Param(0.0, 0.0, SEED_MAX, "1", start=0.0, shape=True, doc=doc)
 
 
 def column(values: np.ndarray, rows: np.ndarray, axes: int) -> np.ndarray:
-    """Values of some images as float32, with `axes` trailing axes of length 1 to broadcast over their pixels."""
+    """Return the values of these images as float32, with `axes` trailing axes of length 1 to broadcast over pixels."""
     return np.asarray(values, np.float32)[rows].reshape(-1, *(1,) * axes)

@@ -20,7 +20,7 @@ class DelayLine:
         self.fresh: np.ndarray | None = None  # rows that begin anew with the next value
 
     def forget(self, rows: np.ndarray) -> None:
-        """Lets these rows hold their next value for all the past, as at the beginning."""
+        """Restart these rows: their next value counts as their value at all earlier times."""
         self.fresh = rows if self.fresh is None else np.union1d(self.fresh, rows)
 
     def __call__(self, value: np.ndarray, delay: np.ndarray) -> np.ndarray:
@@ -32,7 +32,7 @@ class DelayLine:
             self.buffer[:, self.fresh] = value[self.fresh]
         self.fresh = None
         lag = delay / self.step
-        if lag.max(initial=0.0) > self.size - 2:  # rows that began anew may look further back
+        if lag.max(initial=0.0) > self.size - 2:  # a row that restarted may have a longer delay
             self._grow(int(np.ceil(lag.max())) + 2)
         self.head = (self.head + 1) % self.size
         self.buffer[self.head] = value
@@ -41,7 +41,7 @@ class DelayLine:
         return out.reshape(value.shape)
 
     def _grow(self, size: int) -> None:
-        """Make room for `size` values; before the oldest one it held the oldest."""
+        """Enlarge the buffer to `size` values; the additional past ones are copies of the oldest."""
         assert self.buffer is not None  # it has held a value
         order = (self.head + 1 + np.arange(self.size)) % self.size  # oldest first
         past = self.buffer[order]

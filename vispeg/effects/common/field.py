@@ -13,7 +13,7 @@ import numpy as np
 def words(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
     """Draw independent uint16 numbers of this shape, uniform over 0 to 65535.
 
-    `rng` must return 64 bits a draw, as all bit generators of NumPy do but MT19937.
+    `rng` must return 64 bits a draw, as all bit generators of NumPy except MT19937 do.
     """
     size = math.prod(shape)
     return rng.bit_generator.random_raw((size + 3) // 4).view(np.uint16)[:size].reshape(shape)
@@ -22,7 +22,7 @@ def words(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
 def normal(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
     """Draw independent standard normal numbers of this shape, float32, from a table of 65536 quantiles.
 
-    None is beyond +-4.3. This takes a quarter of the time of NumPy's generator; a frame needs tens of thousands.
+    No number is beyond +-4.3. This takes a quarter of the time of NumPy's generator; a frame needs tens of thousands.
     """
     return _quantiles().take(words(rng, shape))
 

@@ -1,28 +1,29 @@
 """The motor side of a gear: one implicit step of a rotor coupled to the link by a spring and damper.
 
-Shared by elasticity and backlash. MuJoCo's own mechanism is a second coaxial hinge; it changes the structure of the
-model and needs a step far below 1 ms on a light wrist, where this scheme stays stable because it foresees the link's
-response.
+The effects `joint_elasticity` and `backlash` use it. MuJoCo's own mechanism is a second coaxial hinge, which changes
+the structure of the model and needs a step far below 1 ms on a light wrist. This step is stable there, because it
+contains the link's response to the gear torque.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-# of the end of the step in the spring's mean stretch: second order nearly, and damped at the grid's frequency
+# weight of the step's end in the spring's mean stretch: 0.5 would be of second order, a little more damps oscillations
+# that the step does not resolve
 WEIGHT = 0.55
 
 
 def motor_step(theta, omega, tau, x, offset, compliance, relaxation, inertia):
-    """One step of the rotor: `J d(omega)/dt = tau - s`, `s = (delta + relaxation d(delta)/dt) / compliance`.
+    """Advance the rotor by a step: `J d(omega)/dt = tau - s`, `s = (delta + relaxation d(delta)/dt) / compliance`.
 
     `delta = theta - q - offset` is the stretch. All arrays are (nsim, nj).
 
     Args:
-        theta, omega: motor angle (rad, link units) and velocity.
+        theta, omega: motor angle and velocity divided by the gear ratio, rad and rad/s.
         tau: motor torque, N m.
         x: the state of the batch.
-        offset: free play, rad.
+        offset: stretch at which the spring is slack, rad (half of a free play, with the side's sign).
         compliance: rad/(N m), above 0.
         relaxation: time constant of the gear's damping, s.
         inertia: of the motor, reflected to the link, kg m^2; may be 0.
@@ -32,7 +33,7 @@ def motor_step(theta, omega, tau, x, offset, compliance, relaxation, inertia):
     """
     ratio = inertia / x.inertia
     lag = WEIGHT * x.h + relaxation
-    link = x.dq + 0.5 * x.h * (x.ddq - x.tau / x.inertia)  # mean link velocity but for the new gear torque
+    link = x.dq + 0.5 * x.h * (x.ddq - x.tau / x.inertia)  # mean link velocity without the new gear torque
     delta = theta - x.q - offset
     momentum = 2.0 * inertia * compliance / x.h
     rate = (compliance * tau - (1.0 + ratio) * delta - momentum * (link - omega)) / (momentum + lag * (1.0 + ratio))

@@ -1,9 +1,9 @@
-"""The images that looks are made of: the user's own where there are any, otherwise those that come with the program.
+"""The images that appearance effects use: the user's own if there are any, otherwise those that vispeg brings.
 
-`VISPEG_TEXTURES` names a folder of the user's; without it, `textures/user/` of a checkout counts where it holds images
-of the kind asked for, and what `scripts/make_textures.py` made otherwise. Files are counted in the order of their names
-below that folder, so a look that was drawn once stays the same as long as the folder does. Where a folder has both,
-what lies below a subfolder `training/` is for worlds that policies learn in, the rest for others.
+`VISPEG_TEXTURES` names a folder of the user's images. Without it, images of the wanted kind in `textures/user/` of a
+checkout are used, or else those that `scripts/make_textures.py` made. Files are sorted by their paths below the folder,
+so a sampled world keeps its images as long as the folder does not change. If a folder has images both below a subfolder
+`training/` and elsewhere, the former are for worlds that policies are trained in, the others for other worlds.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ RADIANCE = (b"#?RADIANCE", b"#?RGBE")
 
 
 def images(endings: tuple[str, ...], training: bool = False) -> tuple[Path, ...]:
-    """Give the images with one of these file name endings, sorted.
+    """Return the images with one of these file name endings, sorted.
 
     Args:
         endings: lower case, with their dots.
-        training: those below `training/` if there are any, else those elsewhere; all where a folder has not both.
+        training: True for images below `training/`, False for the others; if there are none such, all are returned.
 
     Raises:
-        UserError: the folder that `VISPEG_TEXTURES` names is none or has no such image; or the installation lacks its.
+        UserError: `VISPEG_TEXTURES` names no folder, or one without such an image; or vispeg's own images are missing.
     """
     named = os.environ.get(FOLDER)
     if named:
@@ -52,14 +52,14 @@ def images(endings: tuple[str, ...], training: bool = False) -> tuple[Path, ...]
 
 
 def picked(endings: tuple[str, ...], share: float, training: bool = False) -> Path:
-    """Give the image at `share` (0 to 1) of the sorted list."""
+    """Return the image at place `share` of the sorted list, from 0 (first) to 1 (last)."""
     paths = images(endings, training)
     return paths[min(int(share * len(paths)), len(paths) - 1)]
 
 
 @lru_cache(maxsize=64)
 def picture(path: Path, size: int) -> np.ndarray:
-    """Give a PNG's or JPEG's middle square, (size, size, 3) float32 in [0, 1], sRGB.
+    """Return the middle square of a PNG or JPEG, resized to (size, size, 3) float32 in [0, 1], sRGB.
 
     Raises:
         UserError: it cannot be read, or is larger than `PIXELS`.
@@ -83,7 +83,7 @@ def picture(path: Path, size: int) -> np.ndarray:
 
 @lru_cache(maxsize=32)
 def environment(path: Path, rows: int = 128) -> np.ndarray:
-    """Give a Radiance .hdr's linear light, (rows, 2 rows, 3) float32 RGB; its top row is the zenith.
+    """Return the linear light of a Radiance .hdr, (rows, 2 rows, 3) float32 RGB; its top row is the zenith.
 
     Raises:
         UserError: it is not a Radiance file, is damaged, or is larger than `PIXELS`.
@@ -101,7 +101,7 @@ def environment(path: Path, rows: int = 128) -> np.ndarray:
 
 
 def refuse_huge(path: Path, area: int) -> None:
-    """Give a UserError where an image has more pixels than anybody needs for a texture."""
+    """Raise a UserError if an image's number of pixels, `area`, is larger than `PIXELS`."""
     if area > PIXELS:
         raise UserError("is too large for a texture", file=path, expected=f"at most {PIXELS:,} pixels", got=area)
 
@@ -123,7 +123,7 @@ def _head(path: Path) -> bytes:
 
 
 def _area(path: Path, head: bytes) -> int:
-    """Pixels of a PNG (its IHDR) or a JPEG (its frame header: ITU-T T.81, B.2.2), known before anything is unpacked."""
+    """Read the number of pixels of a PNG (IHDR) or JPEG (frame header: ITU-T T.81, B.2.2) without decoding it."""
     if head.startswith(b"\x89PNG"):
         return int.from_bytes(head[16:20], "big") * int.from_bytes(head[20:24], "big")
     data, at = path.read_bytes(), 2

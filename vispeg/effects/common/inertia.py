@@ -1,4 +1,4 @@
-"""Changing a body's inertial parameters row by row, keeping MuJoCo's diagonal form."""
+"""Changes of a body's inertial parameters, per simulation, in MuJoCo's form: principal inertias and their axes."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from vispeg.core.rotation import quaternion
 
 
 def tensor(fields, body: int) -> np.ndarray:
-    """Inertia (nsim, 3, 3) about the centre of mass, body axes, kg m^2."""
+    """Return the inertia (nsim, 3, 3) about the centre of mass, body axes, kg m^2."""
     rot = rotation(fields["body_iquat"][:, body])
     return np.einsum("nij,nj,nkj->nik", rot, fields["body_inertia"][:, body], rot)
 
 
 def add_ball(fields, body: int, mass: np.ndarray, point: np.ndarray, radius: np.ndarray) -> None:
-    """Add a ball (nsim,) kg of `radius` (nsim,) m at `point` (nsim, 3) m in the body frame; rows with no mass stay."""
+    """Add a ball of `mass` (nsim,) kg and `radius` (nsim,) m at `point` (nsim, 3) m in the body frame."""
     rows = mass != 0
     if not rows.any():
         return
@@ -32,12 +32,12 @@ def add_ball(fields, body: int, mass: np.ndarray, point: np.ndarray, radius: np.
 
 
 def parallel(mass: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Parallel-axis term `m (d.d 1 - d d')`, (n, 3, 3)."""
+    """Return the parallel-axis term `m (d.d 1 - d d')`, (n, 3, 3) kg m^2, for a shift d (n, 3) m."""
     return mass[:, None, None] * (np.sum(d * d, 1)[:, None, None] * np.eye(3) - d[:, :, None] * d[:, None, :])
 
 
 def rotation(quat: np.ndarray) -> np.ndarray:
-    """Rotation matrices (n, 3, 3) of unit quaternions (n, 4) wxyz."""
+    """Return the rotation matrices (n, 3, 3) of unit quaternions (n, 4) wxyz."""
     w, x, y, z = quat.T
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

@@ -1,4 +1,4 @@
-"""The sRGB transfer curve, both ways: light adds and scales in linear values, not in encoded ones.
+"""The sRGB transfer curve in both directions, and effects on linear light. Encoded values do not add as light does.
 
 Source: IEC 61966-2-1:1999, sections 5.2 and 5.3.
 """
@@ -17,7 +17,7 @@ LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)  # ITU-R BT.709
 
 
 def to_linear(rgb: np.ndarray) -> np.ndarray:
-    """Linear light in [0, 1] from encoded values in [0, 1], any shape, float32."""
+    """Decode sRGB values in [0, 1], any shape, to linear light in [0, 1], float32."""
     import cv2
 
     out = cv2.pow(np.ravel(rgb) * np.float32(1 / 1.055) + np.float32(0.055 / 1.055), 2.4).reshape(rgb.shape)
@@ -26,7 +26,7 @@ def to_linear(rgb: np.ndarray) -> np.ndarray:
 
 
 def to_srgb(light: np.ndarray) -> np.ndarray:
-    """Encode linear light in [0, 1], cut to [0, 1] as a full well and a dark pixel do; float32."""
+    """Encode linear light as sRGB values, float32; light is clipped to [0, 1] first, as a sensor does."""
     import cv2
 
     light = np.clip(light, 0, 1, dtype=np.float32)
@@ -37,14 +37,14 @@ def to_srgb(light: np.ndarray) -> np.ndarray:
     return np.minimum(out, np.float32(1), out=out)
 
 
-Through = Callable[[np.ndarray, int], np.ndarray]  # (light (H, W, 3), image) -> light
+Through = Callable[[np.ndarray, int], np.ndarray]  # (light (H, W, 3), index of the image) -> changed light
 
 
 class LightEffect(CameraEffect):
-    """A fault that acts on linear light, image by image. A pipeline decodes once for several of them in a row."""
+    """A fault that acts on linear light, image by image. An image is decoded once for several such effects in a row."""
 
     def light(self, frame: Frame, p: Values, rng: Sequence[np.random.Generator]) -> Through:
-        """Return the changed light of one image of the frame; it need not be clipped to [0, 1]."""
+        """Return a function that changes the light of one image of the frame; its result may leave [0, 1]."""
         raise NotImplementedError
 
     def image(self, state, frame, p, rng):
@@ -52,7 +52,7 @@ class LightEffect(CameraEffect):
 
 
 def pass_light(chain: Sequence[tuple[LightEffect, Values, Sequence[np.random.Generator]]], frame: Frame) -> None:
-    """Pass the images of a frame through several effects, each image through those that are at work in it."""
+    """Apply several effects to the images of a frame, to each image those that are present in it."""
     if frame.rgb is None:
         return
     rows = [set(kind.rows(p).tolist()) for kind, p, _ in chain]

@@ -1,4 +1,4 @@
-"""Panoramas: light from every direction, tone-mapped and laid onto the six faces of MuJoCo's skybox.
+"""Panoramas: light from every direction, tone-mapped for the six faces of MuJoCo's skybox.
 
 A panorama is (rows, 2 rows, 3) linear RGB: rows from the zenith down, columns along the azimuth, the middle column
 towards the world's +x and the left edge towards -x; azimuth grows leftwards, as seen from inside.
@@ -15,12 +15,12 @@ import numpy as np
 from vispeg.effects.common.colour import rgb_of_hsv
 from vispeg.effects.common.light import LUMA, to_srgb
 
-KEY = 0.18  # the middle grey that a picture's average is brought to
+KEY = 0.18  # middle grey, to which the mean luminance is mapped
 
 
 @lru_cache(maxsize=4)
 def directions(size: int) -> np.ndarray:
-    """Give unit vectors (6 size, size, 3) towards the texels of a skybox, world frame, faces in MuJoCo's order."""
+    """Return unit vectors (6 size, size, 3) towards the texels of a skybox, world frame, faces in MuJoCo's order."""
     t = (np.arange(size) + 0.5) / size * 2 - 1
     y, x = np.meshgrid(t, t, indexing="ij")
     ones = np.ones_like(x)
@@ -33,7 +33,7 @@ def directions(size: int) -> np.ndarray:
 
 
 def look_up(panorama: np.ndarray, towards: np.ndarray, turn: float = 0.0) -> np.ndarray:
-    """Light (..., 3) that comes from directions (..., 3), the panorama turned by `turn` rad about the vertical."""
+    """Return the light (..., 3) from directions (..., 3); the panorama is turned by `turn` rad about the vertical."""
     rows, columns = panorama.shape[:2]
     azimuth = np.arctan2(towards[..., 1], towards[..., 0]) - turn
     i = (np.arccos(np.clip(towards[..., 2], -1, 1)) / np.pi * rows).astype(int)
@@ -42,12 +42,12 @@ def look_up(panorama: np.ndarray, towards: np.ndarray, turn: float = 0.0) -> np.
 
 
 def tone_mapped(linear: np.ndarray, exposure: float = 0.0, level: float | None = None) -> np.ndarray:
-    """SRGB in [0, 1] of linear light: the logarithmic mean goes to middle grey, highlights are compressed by L/(1 + L).
+    """Return sRGB in [0, 1]: the logarithmic mean becomes middle grey, highlights are compressed by L/(1 + L).
 
     Args:
-        linear: (..., 3) light.
-        exposure: stops brighter than that.
-        level: logarithmic mean of the luminance to go by; of `linear` itself if None.
+        linear: (..., 3) linear light.
+        exposure: stops by which the result is brighter.
+        level: the luminance that is mapped to middle grey; that of `linear` (`log_mean`) if None.
     """
     bright = linear @ LUMA
     if level is None:
@@ -57,14 +57,12 @@ def tone_mapped(linear: np.ndarray, exposure: float = 0.0, level: float | None =
 
 
 def log_mean(linear: np.ndarray) -> float:
-    """Exp of the mean logarithm of the luminance (eq. 1)."""
+    """Return exp of the mean logarithm of the luminance (eq. 1)."""
     return float(np.exp(np.mean(np.log(1e-6 + linear @ LUMA))))
 
 
 def procedural(rng: np.random.Generator, rows: int = 64) -> np.ndarray:
-    """Give a room or an open sky that never was: zenith, horizon and ground, dark things before them, one to four
-    lamps.
-    """
+    """Return a random panorama: colours of zenith, horizon and ground, up to eight dark objects, one to four lamps."""
     hue = rng.uniform(0, 1, 3)
     zenith, horizon, ground = rgb_of_hsv(hue, rng.uniform(0, 0.7, 3), rng.uniform((0.1, 0.2, 0.02), (1, 1, 0.4)))
     high = np.cos((np.arange(rows) + 0.5) / rows * np.pi)[:, None]  # sine of the elevation
@@ -80,8 +78,9 @@ def procedural(rng: np.random.Generator, rows: int = 64) -> np.ndarray:
 
 
 def _window(rng: np.random.Generator, rows: int, zenith: tuple[float, float], half: tuple[float, float]) -> np.ndarray:
-    """Give a box of directions (rows, 2 rows): its centre's angle from the zenith and half height drawn from ranges,
-    rad.
+    """Return a mask (rows, 2 rows) of a random box of directions.
+
+    The angle from the zenith of its centre and its half height are drawn from the ranges `zenith` and `half`, rad.
     """
     t = (np.arange(2 * rows) + 0.5) / rows * np.pi
     away = np.abs((t - rng.uniform(0, 2 * np.pi) + np.pi) % (2 * np.pi) - np.pi)

@@ -1,9 +1,9 @@
-"""The cell's parts that touch: their collision shapes in a compiled model.
+"""The cell's parts that can touch, and their collision shapes in a compiled model.
 
-Two touching shapes of equal priority share one contact: MuJoCo takes the greater friction of the two and the mean of
-their solver parameters. A shape of higher priority has its own way in both (MuJoCo 4.0 manual, Modeling, Contact
-parameters). In the cell that is what the gripper holds, so an effect at it is felt wherever it touches, one at another
-part where the gripper touches that.
+For two touching shapes of equal priority, MuJoCo takes the greater friction of the two and the mean of their solver
+parameters. If one has a higher priority, its values alone count (MuJoCo 4.0 manual, Modeling, Contact parameters). In
+the cell that is the held part, or a free object. So a contact effect at the held part acts wherever that touches; a
+contact effect at another part acts only where that part touches anything else, such as the gripper.
 """
 
 from __future__ import annotations
@@ -17,50 +17,48 @@ HAND, TABLE = "gripper", "table"
 
 
 def assembles(model: Any) -> bool:
-    """Whether a model is a Scene with a task: something is held, and a goal for it."""
+    """Return whether a model is a Scene with a task: a held part and a goal for it."""
     return bool(getattr(model, "goal", ""))
 
 
 def touching(model: Any) -> list[str]:
-    """Parts of a Scene with a task that have collision shapes, a free object by its name; [] where nothing touches."""
+    """Return the parts of a Scene with a task that have collision shapes, and its free objects; [] without a task."""
     there = (model.held, model.fixture, HAND, TABLE) if assembles(model) else ()
     return [*(part for part in there if part in model.parts), *getattr(model, "free", ())]
 
 
 def held(model: Any) -> list[str]:
-    """Return the bodies that the gripper of a Scene holds; [] if it holds none."""
+    """Return the body that the gripper of a Scene holds, as a list; [] if it holds none."""
     return [model.held] if assembles(model) else []
 
 
 def fixture(model: Any) -> list[str]:
-    """Return the bodies that the goal of a Scene is part of; [] without a goal."""
+    """Return the body that the goal of a Scene belongs to, as a list; [] without a goal."""
     return [model.fixture] if assembles(model) else []
 
 
 def goal(model: Any) -> list[str]:
-    """Give the goal of a Scene; [] without one."""
+    """Return the goal of a Scene, as a list; [] without one."""
     return [model.goal] if assembles(model) else []
 
 
 def body_of(part: str) -> str:
-    """Give the body of a part; the table is no body, it stands in the world itself."""
+    """Return the body of a part. The table has none: its shape belongs to the world."""
     return "tool" if part == HAND else part
 
 
 def in_scene(model: Any, *places: str) -> list[str]:
-    """`places` for a Scene with a task, else []."""
+    """Return `places` for a Scene with a task, else []."""
     return list(places) if assembles(model) else []
 
 
 def named(model: Any, name: str) -> list[str]:
-    """Give the part or site of that name where a Scene has it for what is held, what it goes into, or the goal; else
-    [].
-    """
+    """Return [name] if the held part, the fixture or the goal of a Scene has that name, else []."""
     return [name] if assembles(model) and name in (model.held, model.fixture, model.goal) else []
 
 
 def shapes(model: mujoco.MjModel, part: str) -> np.ndarray:
-    """Ids (n,) of a part's geoms that can touch something; the table is a shape of the world itself."""
+    """Return the ids (n,) of a part's geoms that can touch something."""
     collides = (model.geom_contype | model.geom_conaffinity) != 0
     if part == TABLE:
         geom = model.geom(part).id
@@ -69,7 +67,13 @@ def shapes(model: mujoco.MjModel, part: str) -> np.ndarray:
 
 
 def changed(fields: Any, p: np.ndarray, null: float) -> list[tuple[tuple[np.ndarray, ...], np.ndarray]]:
-    """Index of (rows, geoms) and value (rows, 1) for each touching part whose `p` (nsim, npart) differs from null."""
+    """Return an index (rows, geoms) and values (rows, 1) for each part of `touching` with values other than null.
+
+    Args:
+        fields: the model fields of the batch.
+        p: (nsim, npart) the parameter's values.
+        null: the value without the effect.
+    """
     out, parts = [], touching(fields.robot)
     for column, part in enumerate(parts):
         rows = np.flatnonzero(p[:, column] != null)

@@ -1,10 +1,10 @@
-"""Presliding: springs side by side that yield one after the other, as gear teeth and cable sheaths do before they slip.
+"""Presliding: parallel springs that slip one after the other, as gear teeth and cable sheaths do.
 
-Maxwell-slip elements, `torque = -mean(clip(stiffness (q - z_i), +-r_i level))`, each anchor z_i dragged along once its
-element slips. Their yields r_i are spread evenly up to twice their mean: so the torque bends smoothly after a reversal,
-as presliding is measured to do, where one element has a corner. All of them have yielded after twice
-`level / stiffness`. MuJoCo's own mechanism is a fixed tendon with `springyield`, which needs a compiled model for each
-candidate. Source: Iwan, Journal of Applied Mechanics 33(4), 1966, the even distribution; for friction Al-Bender,
+Maxwell-slip elements, `torque = -mean(clip(stiffness (q - z_i), +-r_i level))`; an element that slips drags its anchor
+z_i along. The slip levels r_i are spread evenly about 1 (`YIELDS`), so the torque bends smoothly after a reversal, as
+measured presliding does; a single element would give a corner. From slack springs, all have slipped after a motion of
+1.75 `level / stiffness`. MuJoCo's own mechanism is a fixed tendon with `springyield`, which needs a compiled model for
+each candidate. Source: Iwan, Journal of Applied Mechanics 33(4), 1966, the even distribution; for friction Al-Bender,
 Lampaert and Swevers, IEEE Trans. Automatic Control 50(11), 2005, eq. (3).
 """
 
@@ -14,28 +14,28 @@ import numpy as np
 
 from vispeg.kernels.presliding import stretched
 
-YIELDS = np.array([0.25, 0.75, 1.25, 1.75])  # of the level: at which each element slips; their mean is 1
+YIELDS = np.array([0.25, 0.75, 1.25, 1.75])  # torque at which each element slips, over `level`; their mean is 1
 
 
 def slack(q: np.ndarray) -> np.ndarray:
-    """Anchors (nsim, nj, 4) rad of elements without torque at q (nsim, nj) rad."""
+    """Return the anchors (nsim, nj, 4) rad of elements without torque at q (nsim, nj) rad."""
     return np.repeat(q[..., None], len(YIELDS), axis=-1)
 
 
 def softened(stiffness: np.ndarray, inertia: np.ndarray, h: float) -> np.ndarray:
-    """Stiffness (nsim, nj) N m/rad that a step can follow, of what is stiffer than that on a light link.
+    """Return the stiffness (nsim, nj) N m/rad, reduced so that steps of `h` s are stable on a link of this inertia.
 
-    Springs taken at the whole step are of second order and lose no energy; the leapfrog is stable for (omega h)^2 under
-    4, and this keeps it under 2 for a joint alone.
+    The spring torque of each step's beginning is applied (leapfrog), which is of second order and loses no energy. It
+    is stable for (omega h)^2 < 4; the reduction keeps that below 2 for a joint alone.
     """
     return stiffness / (1.0 + 0.5 * stiffness * h**2 / inertia)
 
 
 def pull(anchors: np.ndarray, q: np.ndarray, stiffness: np.ndarray, level: np.ndarray) -> np.ndarray:
-    """Torque (nsim, nj) N m of the elements at q; drags the `anchors` (nsim, nj, 4) of those that slip, in place.
+    """Return the torque (nsim, nj) N m of the elements at q, and move the anchors of those that slip, in place.
 
     Args:
-        anchors: rad, where each element has no torque.
+        anchors: (nsim, nj, 4) rad, where each element has no torque.
         q: (nsim, nj) rad.
         stiffness: of all elements before any slips, N m/rad.
         level: torque when all of them slip, N m.
@@ -47,7 +47,10 @@ def pull(anchors: np.ndarray, q: np.ndarray, stiffness: np.ndarray, level: np.nd
 
 
 def yielding(path: np.ndarray, reach: float) -> np.ndarray:
-    """Mean stretch (n,) of the elements, which yield at `reach` in the mean, along a path (n,) that begins without."""
+    """Return the mean stretch (n,) rad along a path (n,) rad that begins with slack elements.
+
+    The elements slip at a stretch of `reach` rad on average.
+    """
     out = np.empty(len(path))
     stretched(path, reach, YIELDS, out)
     return out

@@ -1,4 +1,4 @@
-"""Where a pixel looks: normalised coordinates, with pixel centres at integers."""
+"""The viewing rays of pixels: normalised coordinates, with pixel centres at integers."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 
 
 def rays(K: np.ndarray, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rays x, y and 1 + x^2 + y^2, each (H, W) float32 at unit distance, of intrinsics K (3, 3) in px; read only.
+    """Return x, y and 1 + x^2 + y^2 of the rays (x, y, 1), each (H, W) float32, for intrinsics K (3, 3) in px.
 
-    Skew is ignored. A camera keeps its K, so the last ones asked for are kept.
+    Skew is ignored. The arrays are read-only, because they are cached for the next frame.
     """
     return _rays(float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2]), shape)
 

@@ -1,7 +1,7 @@
-"""Random numbers without a generator: a hash of (seed, tick, lane), so that a row draws the same in any batch.
+"""Random numbers from a hash of (seed, tick, lane), so that a simulation draws the same numbers in any batch.
 
-Counter-based, as in Salmon et al. 2011, Parallel random numbers: as easy as 1, 2, 3; the mixing function is that of
-SplitMix64 (Steele, Lea and Flood 2014, Fast splittable pseudorandom number generators).
+They are counter-based, as in Salmon et al. 2011, Parallel random numbers: as easy as 1, 2, 3; the mixing function is
+that of SplitMix64 (Steele, Lea and Flood 2014, Fast splittable pseudorandom number generators).
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from scipy.special import ndtri
 
 
 def keys(name: str, seed: np.ndarray, lane: np.ndarray | int) -> np.ndarray:
-    """Where the streams of `uniform` and `normal` are, uint64, shape of `seed`.
+    """Return the keys (nsim, n) uint64 of random streams for `uniform` and `normal`.
 
     Args:
-        name: of the effect, so that two effects with one seed differ.
+        name: the effect's name, so that two effects with one seed differ.
         seed: (nsim, n) whole numbers >= 0.
-        lane: (n,) which of the numbers of a tick.
+        lane: (n,) whole numbers that tell the streams of one seed apart; equal lanes give equal streams.
     """
     x = _mixed(np.uint64(zlib.crc32(name.encode())) + seed.astype(np.uint64))
     return _mixed(x + np.broadcast_to(lane, seed.shape).astype(np.uint64))
 
 
 def uniform(key: np.ndarray, tick: np.ndarray) -> np.ndarray:
-    """Numbers in (0, 1), (nsim, n), for streams (nsim, n) at ticks (nsim,) since the episode began."""
+    """Draw numbers in (0, 1), (nsim, n), of streams `key` (nsim, n) at ticks (nsim,) since the episode began."""
     return ((_mixed(key + tick.astype(np.uint64)[:, None]) >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53
 
 

@@ -1,4 +1,4 @@
-"""The loop inside a position servo: second order from goal to angle, its gains the servo maker's own.
+"""The control loop inside a position servo, of second order from goal to angle. Its gains are known only to its maker.
 
 `tau = J (w^2 (K goal - q) - 2 zeta w dq)`: on a joint of inertia J without load that is the standard second-order
 system with natural frequency w, damping ratio zeta and static gain K. J is the nominal arm's apparent inertia at
@@ -7,7 +7,7 @@ posture, load or true inertia.
 
 Source: Franklin, Powell and Emami-Naeini, Feedback Control of Dynamic Systems, 7th ed., sec. 3.3, eq. (3.55).
 
-A servo of which nothing is known is taken as a fast one, critically damped, that follows its goal within 15 ms.
+Without the effect `servo`, a servo is ideal: fast and critically damped, it follows its goal within 15 ms.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ FAST = 150.0  # rad/s: natural frequency of the ideal servo
 
 @dataclass
 class ServoLoop:
-    """The numbers of the loops, each (nsim, nj); effects change them before a rollout begins.
+    """The parameters of the loops, each (nsim, nj); effects change them before a rollout begins.
 
     Attributes:
         frequency: natural frequency, rad/s.
@@ -37,17 +37,19 @@ class ServoLoop:
 
     @classmethod
     def ideal(cls, nsim: int, nj: int) -> ServoLoop:
-        """Give a servo that follows its goal."""
+        """Return the ideal servo."""
         return cls(np.full((nsim, nj), FAST), np.ones((nsim, nj)), np.ones((nsim, nj)), np.zeros((nsim, nj)))
 
     def torque(self, goal, q, dq, inertia, last, x) -> np.ndarray:
-        """Mean torque (nsim, nj) in N m over the step that comes, by the implicit midpoint rule: stable at any step.
+        """Return the mean torque (nsim, nj) in N m over the next step, by the implicit midpoint rule.
+
+        It is stable at any step.
 
         The acceleration over the step is taken as that of the last step plus the change of torque over the inertia.
         Thus the torque at a joint that dry friction holds at rest settles exactly at the loop's static torque.
 
         Args:
-            goal, q, dq: (nsim, nj) rad, rad, rad/s, what the loop is asked for and reads.
+            goal, q, dq: (nsim, nj) goal in rad, angle in rad and velocity in rad/s that the loop reads.
             inertia: (nsim, nj) reference inertia J, kg m^2.
             last: (nsim, nj) N m, the torque of the last step; None at the first.
             x: the state of the batch.

@@ -1,10 +1,10 @@
-"""Springs that hold a part of the cell: joints that are in a model only where an effect asks for them.
+"""Springs that hold a part of the cell: joints that only models of worlds with such an effect have.
 
-A spring of compliance c (m/N or rad/(N m)) has stiffness 1/c, the inertia of `EFFECTIVE` beside the part's own, and
-damping ratio `RATIO`. Neither is what a compliance is measured by; both keep it from ringing. Very stiff springs get
+A spring of compliance c (m/N or rad/(N m)) has stiffness 1/c, an inertia `EFFECTIVE` in addition to the part's own, and
+damping ratio `RATIO`. Both keep the spring from ringing and do not change its deflection at rest. Stiff springs get
 more inertia, so that omega h <= 1 at a step of `STEP` s: the semi-implicit Euler rule needs < 2 (MuJoCo 4.0 manual,
-Computation, Numerical integration). An absent spring is one of compliance `LOCKED`, no stiffer: the solver's tolerance
-is relative to the mean inertia.
+Computation, Numerical integration). An absent spring has compliance `LOCKED`. A stiffer one would need so much inertia
+that the solver, whose tolerance is relative to the mean inertia, would become inaccurate.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ WRITES = frozenset({"jnt_stiffness", "dof_armature", "dof_damping"})
 
 
 def numbers(kind: Any, compliance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Stiffness, inertia and damping of springs of a joint type with this compliance (> 0)."""
+    """Return stiffness, inertia and damping of springs of a joint type with this compliance (> 0)."""
     stiffness = 1.0 / compliance
     inertia = np.maximum(EFFECTIVE[kind], stiffness * STEP**2)
     return stiffness, inertia, 2 * RATIO * np.sqrt(stiffness * inertia)
 
 
 def add(spec: mujoco.MjSpec, body: str, prefix: str, axes: tuple[str, ...], pos: tuple[float, float, float]) -> None:
-    """Hangs a body of a spec on locked springs `PREFIX_AXIS`, their hinges through `pos` in m, body frame."""
+    """Mount a body of a spec on locked springs `PREFIX_AXIS`; hinges pass through `pos` in m, body frame."""
     part = spec.body(body)
     spec.option.tolerance = TOLERANCE
     for axis in axes:
@@ -64,7 +64,7 @@ def write(fields: Any, prefix: str, p: Values) -> None:
 
 
 def compliances(texts: Mapping[str, str]) -> dict[str, Param]:
-    """Parameters of springs by axis, with these words for each."""
+    """Return the compliance parameters of springs by axis; `texts` has the `doc` of each."""
     out = {}
     for axis, text in texts.items():
         turn = AXES[axis][0] == HINGE

@@ -1,4 +1,4 @@
-"""Procedural patterns that tile without a seam, each (128, 128) in [0, 1], from a generator alone.
+"""Procedural patterns that tile without a seam, each (128, 128) in [0, 1], from a random generator alone.
 
 Sources: gradient noise, K. Perlin, Improving noise, SIGGRAPH 2002 (fade polynomial); simplex noise on a sheared grid
 whose periods fit a square, S. Gustavson and I. McEwan, JCGT 11(1), 2022. A cell is one feature; there are `CELLS` of
@@ -17,7 +17,7 @@ CELLS = 8  # features along an edge
 
 
 def perlin(rng: np.random.Generator, cells: tuple[int, int] = (CELLS, CELLS), octaves: int = 3) -> np.ndarray:
-    """Gradient noise; `cells` are (rows, columns) of the coarsest octave, each further one is twice as fine."""
+    """Return gradient noise; `cells` are (rows, columns) of the coarsest octave, each further one is twice as fine."""
     total = np.zeros((SIZE, SIZE), np.float32)
     for octave in range(octaves):
         total += _octave(rng, cells[0] << octave, cells[1] << octave) / 2**octave
@@ -25,8 +25,8 @@ def perlin(rng: np.random.Generator, cells: tuple[int, int] = (CELLS, CELLS), oc
 
 
 def simplex(rng: np.random.Generator) -> np.ndarray:
-    """Simplex noise, one octave: kernels (0.8 - r^2)^4 around the corners of a triangular grid."""
-    angle = rng.uniform(0, 2 * np.pi, (CELLS, 2 * CELLS)).astype(np.float32)  # by row and twice the column
+    """Return simplex noise, one octave: kernels (0.8 - r^2)^4 around the corners of a triangular grid."""
+    angle = rng.uniform(0, 2 * np.pi, (CELLS, 2 * CELLS)).astype(np.float32)  # indexed by row and half columns
     y, x = _grid(CELLS, CELLS)
     u = x + 0.5 * y  # sheared, so that triangles are halves of squares
     i, j = np.floor(u).astype(int), np.floor(y).astype(int)
@@ -41,32 +41,32 @@ def simplex(rng: np.random.Generator) -> np.ndarray:
 
 
 def checkerboard(rng: np.random.Generator) -> np.ndarray:
-    """Squares, shifted at random."""
+    """Return black and white squares, shifted at random."""
     y, x = _grid(CELLS, CELLS, rng)
     return ((np.floor(x) + np.floor(y)) % 2).astype(np.float32)
 
 
 def gradient(rng: np.random.Generator) -> np.ndarray:
-    """Give a slope up and down again across the tile, in one of eight directions."""
+    """Return a ramp that rises and falls once across the tile, in one of eight directions."""
     return np.abs(2 * (_wave(rng, 1) % 1) - 1).astype(np.float32)
 
 
 def stripes(rng: np.random.Generator) -> np.ndarray:
-    """Stripes in a random direction, between a third and two thirds of them dark."""
+    """Return stripes in a random direction, of which a third to two thirds of the width is white."""
     return (_wave(rng, CELLS) % 1 < rng.uniform(1 / 3, 2 / 3)).astype(np.float32)
 
 
 def wood(rng: np.random.Generator) -> np.ndarray:
-    """Growth rings cut lengthwise: stripes bent by slow noise, with a fine grain along them."""
+    """Return wood cut lengthwise: stripes bent by slow noise, with a fine grain along them."""
     _, x = _grid(CELLS // 2, CELLS // 2, rng)
     rings = 0.5 + 0.5 * np.sin(2 * np.pi * (x + 0.8 * perlin(rng, (1, 2), 2)))
     return stretch(rings**2 + 0.5 * perlin(rng, (4, 64), 1))
 
 
 def brushed_metal(rng: np.random.Generator) -> np.ndarray:
-    """Scratches along the rows: noise much longer than wide, with a slow sheen."""
+    """Return scratches along the rows: noise much longer than wide, plus slow noise."""
     spectrum = np.fft.rfft(rng.standard_normal((SIZE, SIZE)), axis=1)
-    spectrum *= 1 / (1 + (np.arange(spectrum.shape[1]) / 2.0) ** 2)  # keeps what is long
+    spectrum *= 1 / (1 + (np.arange(spectrum.shape[1]) / 2.0) ** 2)  # keeps low frequencies
     return stretch(np.fft.irfft(spectrum, SIZE, axis=1).astype(np.float32) + 0.15 * perlin(rng, (1, 4), 1))
 
 
@@ -82,7 +82,7 @@ def stretch(values: np.ndarray) -> np.ndarray:
 
 
 def _grid(rows: int, columns: int, rng: np.random.Generator | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Row and column coordinates (SIZE, SIZE) in cells, at pixel centres, shifted at random with a generator."""
+    """Return row and column coordinates (SIZE, SIZE) of pixel centres in cells, shifted at random by `rng` if given."""
     shift = rng.uniform(0, 1, 2) * (rows, columns) if rng is not None else (0.0, 0.0)
     t = (np.arange(SIZE, dtype=np.float32) + 0.5) / SIZE
     y, x = np.meshgrid(t * rows + shift[0], t * columns + shift[1], indexing="ij")
@@ -90,7 +90,7 @@ def _grid(rows: int, columns: int, rng: np.random.Generator | None = None) -> tu
 
 
 def _wave(rng: np.random.Generator, cells: int) -> np.ndarray:
-    """Give a phase that grows along a direction that closes on itself; about `cells` turns across the tile."""
+    """Return a phase (SIZE, SIZE), about `cells` periods across the tile, in a random direction in which it tiles."""
     angle = rng.uniform(0, 2 * np.pi)
     m, n = round(cells * np.cos(angle)), round(cells * np.sin(angle))
     y, x = _grid(1, 1)
@@ -98,7 +98,7 @@ def _wave(rng: np.random.Generator, cells: int) -> np.ndarray:
 
 
 def _octave(rng: np.random.Generator, rows: int, columns: int) -> np.ndarray:
-    """One octave: sum over a cell's corners of weight(y) weight(x) (slope . offset), as products of matrices."""
+    """Return one octave: the sum over a cell's corners of weight(y) weight(x) (slope . offset), by matrix products."""
     angle = rng.uniform(0, 2 * np.pi, (rows, columns))
     (wy, ry), (wx, rx) = _hats(rows), _hats(columns)
     return (ry @ np.sin(angle) @ wx.T + wy @ np.cos(angle) @ rx.T).astype(np.float32)
@@ -106,7 +106,10 @@ def _octave(rng: np.random.Generator, rows: int, columns: int) -> np.ndarray:
 
 @lru_cache
 def _hats(cells: int) -> tuple[np.ndarray, np.ndarray]:
-    """(SIZE, cells): how much each pixel of an edge takes from each corner, alone and times its offset from there."""
+    """Return the weight (SIZE, cells) of each corner in each pixel along an edge, and the weight times the offset.
+
+    The offset is the pixel's distance from the corner, in cells.
+    """
     t = (np.arange(SIZE) + 0.5) / SIZE * cells
     near = t.astype(int)
     f = t - near

@@ -1,4 +1,4 @@
-"""What the effects of the wrist's force sensor share: their place, and the names of the six numbers."""
+"""The base of the effects of the wrist's force sensor: their target, and the names of the six components."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ class WristEffect(Effect):
     searchable = False
 
     def targets(self, model: Any) -> list[str]:
-        """Give the flange of a cell; an arm alone carries no force sensor."""
+        """Return the flange of a Scene with a task; an arm alone carries no force sensor."""
         return in_scene(model, "flange")
 
 
 def six(force: np.ndarray, torque: np.ndarray) -> np.ndarray:
-    """One number a row for each force (nsim, 1) and for each torque (nsim, 1), side by side: (nsim, 6)."""
+    """Return (nsim, 6): three times the value (nsim, 1) for forces, then three times that for torques."""
     return np.concatenate([np.repeat(force, 3, axis=1), np.repeat(torque, 3, axis=1)], axis=1)
 
 
 def axes(p: Values) -> np.ndarray:
-    """Give the parameters `fx fy fz tx ty tz` side by side: (nsim, 6)."""
+    """Return the parameters `fx fy fz tx ty tz` side by side: (nsim, 6)."""
     return np.concatenate([p[axis] for axis in (*FORCE, *TORQUE)], axis=1)

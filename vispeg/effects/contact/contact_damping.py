@@ -19,7 +19,7 @@ class ContactDamping(Effect):
 
     name = "contact_damping"
     family = "contact"
-    params = {"scale": Param(1.0, 0.05, 10.0, "1", start=0.5, scale="log", doc="of the nominal damping")}
+    params = {"scale": Param(1.0, 0.05, 10.0, "1", start=0.5, scale="log", doc="damping over nominal")}
     writes = frozenset({"geom_solref"})
     stage = "impact"
     sizes = {"scale": (0.2, 0.5, 2.0)}

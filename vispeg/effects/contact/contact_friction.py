@@ -1,8 +1,8 @@
 """Contact friction: a part's sliding friction is `scale` times nominal.
 
 Native mechanism: `geom_friction`, its first column; torsional and rolling friction stay. Law: Coulomb,
-`|f_t| <= mu f_n`, in the friction cone of the MuJoCo 4.0 manual, Computation, Contact. See `_parts` for which of two
-parts is heard.
+`|f_t| <= mu f_n`, in the friction cone of the MuJoCo 4.0 manual, Computation, Contact. `vispeg.effects.common.parts`
+says which of two touching parts determines the friction.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ class ContactFriction(Effect):
 
     name = "contact_friction"
     family = "contact"
-    params = {"scale": Param(1.0, 0.0, 5.0, "1", start=1.5, doc="of the nominal coefficient of sliding friction")}
+    params = {"scale": Param(1.0, 0.0, 5.0, "1", start=1.5, doc="coefficient of sliding friction over nominal")}
     writes = frozenset({"geom_friction"})
     stage = "friction"
     sizes = {"scale": (0.4, 0.7, 1.5, 2.2)}

@@ -1,12 +1,13 @@
 """Contact stiffness: a part's contacts are `scale` times as stiff as nominal: any load presses them 1 / scale as deep.
 
-A contact at rest under a load f stands r deep by `f = d / (1 - d) k r / w`, with impedance d, `k = d / (d1 T z)^2` and
-the inverse weight w of what it moves. Native mechanism: `geom_solimp`, whose odds `d / (1 - d)` are scaled, and whose
-width, over which a contact grows harder, is divided by `scale`; `geom_solref` keeps k. A longer time constant T would
-do the same at rest, but what touches would then answer late. A blow is answered in T whatever the impedance: its peak
-falls by a fifth where `scale` is 0.1. At 15 N a contact and a `scale` of 0.02 it stands 5 % less deep than that.
-MuJoCo keeps T above two steps: near them a contact is up to 1.5 times as soft.
-Source: MuJoCo 4.0 manual, Modeling, Solver parameters.
+At rest under a load f, a contact is pressed r deep by `f = d / (1 - d) k r / w` with `k = d / (d1 T z)^2`. Here d is
+the impedance at the depth r and d1 that at full depth (`geom_solimp`), T the time constant, z the damping ratio
+(`geom_solref`), and w the inverse weight of what the contact moves. Native mechanism: the odds `d / (1 - d)` of
+`geom_solimp` are scaled, its width, the depth over which a contact grows stiffer, is divided by `scale`, and T of
+`geom_solref` is set so that k stays. A longer T alone would do the same at rest, but contacts would respond late. An
+impact takes T whatever the impedance: its peak force falls only by a fifth at a `scale` of 0.1. At 15 N per contact and
+a `scale` of 0.02 the depth is 5 % less than 1 / scale times nominal. MuJoCo keeps T above two physics steps; near that
+limit a contact is up to 1.5 times as soft. Source: MuJoCo 4.0 manual, Modeling, Solver parameters.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from vispeg.effects.common.parts import changed, touching
 
 
 def scaled(solref: np.ndarray, solimp: np.ndarray, scale: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-    """Contacts (..., 2) and (..., 5) that are `scale` (...) times as stiff."""
+    """Return `solref` (..., 2) and `solimp` (..., 5) of contacts that are `scale` (...) times as stiff."""
     d, d1, width = np.moveaxis(solimp[..., :3], -1, 0)
     soft, soft1 = (scale * e / (1 - e + scale * e) for e in (d, d1))
     time = solref[..., 0] * np.sqrt(soft / d) * d1 / soft1
@@ -32,7 +33,7 @@ class ContactStiffness(Effect):
 
     name = "contact_stiffness"
     family = "contact"
-    params = {"scale": Param(1.0, 0.005, 20.0, "1", start=0.5, scale="log", doc="of the nominal stiffness at rest")}
+    params = {"scale": Param(1.0, 0.005, 20.0, "1", start=0.5, scale="log", doc="stiffness at rest over nominal")}
     writes = frozenset({"geom_solref", "geom_solimp"})
     stage = "compliance"
     sizes = {"scale": (0.02, 0.07, 0.25, 3.0)}

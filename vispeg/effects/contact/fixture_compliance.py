@@ -1,6 +1,6 @@
-"""Fixture compliance: the fixture yields under load by (x, y, z) m/N, and tilts by (roll, pitch) rad/(N m).
+"""Fixture compliance: the fixture moves under load by (x, y, z) m/N, and tilts by (roll, pitch) rad/(N m).
 
-Axes are those of the base. It tilts about its frame's origin, the goal, and without load rests at its nominal pose.
+Axes are those of the base. It tilts about the origin of its frame, the goal; without load it has its nominal pose.
 Native mechanism: slides and hinges with springs under the fixture's body, `jnt_stiffness` = 1 / compliance, see
 `springs`. Source: a remote centre of compliance as diagonal stiffness, Whitney 1982, Quasi-static assembly of
 compliantly supported rigid parts, J. Dyn. Sys. Meas. Control 104.
@@ -12,7 +12,7 @@ from vispeg.core.effect import Effect
 from vispeg.effects.common import springs
 from vispeg.effects.common.parts import fixture
 
-MASS, INERTIA = 0.5, (1e-3, 1e-3, 1e-3)  # kg, kg m^2 that move with it, in addition to those of the springs
+MASS, INERTIA = 0.5, (1e-3, 1e-3, 1e-3)  # kg, kg m^2 of the fixture, in addition to those of the springs
 
 
 class FixtureCompliance(Effect):

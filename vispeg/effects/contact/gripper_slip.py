@@ -1,9 +1,9 @@
-"""Gripper slip: the fingers hold their part with `grip` times the nominal force along its axis before it slips, and
-with `viscosity` times its speed more while it does, as soft pads do.
+"""Gripper slip: the held part slips along its axis at `grip` times the nominal force.
 
-Native mechanism: `dof_frictionloss`, dry friction in N, and `dof_damping`, N s/m, of the slide between part and
-gripper. Sources: Coulomb's law for two fingers, `2 mu F`, whose product is what `grip` scales; sliding rubber holds
-more the faster it slides, Persson 2001, Theory of rubber friction and contact mechanics, J. Chem. Phys. 115.
+While it slips, `viscosity` times its speed adds to the force, as with soft finger pads. Native mechanism:
+`dof_frictionloss`, dry friction in N, and `dof_damping`, N s/m, of the slide between part and gripper. Sources:
+Coulomb's law for two fingers, `2 mu F`, of which `grip` scales the product; rubber friction grows with the sliding
+speed, Persson 2001, Theory of rubber friction and contact mechanics, J. Chem. Phys. 115.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ class GripperSlip(Effect):
     name = "gripper_slip"
     family = "contact"
     params = {
-        "grip": Param(1.0, 0.0, 2.0, "1", start=0.3, doc="of the nominal force at which it slips"),
-        "viscosity": Param(0.0, 0.0, 1e4, "N s/m", start=1e3, doc="force per speed beyond that, while it slips"),
+        "grip": Param(1.0, 0.0, 2.0, "1", start=0.3, doc="force at which the part slips, over nominal"),
+        "viscosity": Param(0.0, 0.0, 1e4, "N s/m", start=1e3, doc="additional force per sliding speed"),
     }
     writes = frozenset({"dof_frictionloss", "dof_damping"})
     stage = "friction"

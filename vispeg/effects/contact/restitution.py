@@ -1,11 +1,11 @@
-"""Restitution: a part's contacts throw back at least the fraction `e` of the speed that hits them.
+"""Restitution: a part's contacts return at least the fraction `e` of the speed of an impact.
 
 A contact is a spring and dashpot that cannot pull, so bodies part when its force, not its depth, is back to zero. With
 damping ratio z < 1 that gives `e = exp(-2 z acos(z) / sqrt(1 - z^2))` (Schwager and Poeschel 2007, Granular Matter 9,
 465, no attraction; for z > 1 acosh and z^2 - 1). The textbook's `z = -ln e / sqrt(pi^2 + ln^2 e)` lets the contact pull
-and is this law's limit for little damping: at z = 0.3 it says 0.37 where 0.45 comes back. Native mechanism:
-`geom_solref`, the damping ratio solved for e, the stiffness 1 / (time constant x ratio)^2 kept. A contact that nominal
-damping lets bounce more than that is left as it is. Runs after contact_damping.
+and is this law's limit for little damping: at z = 0.3 it gives e = 0.37, this law 0.45. Native mechanism:
+`geom_solref`, with the damping ratio for e and the same stiffness 1 / (time constant x ratio)^2. A contact whose own
+damping ratio gives more restitution than `e` does not change. Applied after contact_damping.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from vispeg.effects.common.parts import changed, touching
 
 
 def rebound(ratio: np.ndarray) -> np.ndarray:
-    """Coefficient of restitution of a contact with this damping ratio (> 0)."""
+    """Return the coefficient of restitution of a contact with this damping ratio (> 0)."""
     z = np.asarray(ratio, float)
     under, over = np.minimum(z, 1 - 1e-9), np.maximum(z, 1 + 1e-9)
     below = np.arccos(under) / np.sqrt(1 - under**2)
@@ -31,7 +31,7 @@ _REBOUND = rebound(_RATIO)
 
 
 def ratio(e: np.ndarray) -> np.ndarray:
-    """Damping ratio of a contact with coefficient of restitution e in (0, 1)."""
+    """Return the damping ratio of a contact with coefficient of restitution e in (0, 1)."""
     return np.exp(np.interp(e, _REBOUND, np.log(_RATIO)))
 
 
@@ -41,7 +41,7 @@ class Restitution(Effect):
     name = "restitution"
     family = "contact"
     order = 60
-    params = {"e": Param(0.0, 0.0, 0.98, "1", start=0.5, doc="coefficient of restitution, at least")}
+    params = {"e": Param(0.0, 0.0, 0.98, "1", start=0.5, doc="least coefficient of restitution")}
     writes = frozenset({"geom_solref"})
     needs = "blow"
 

@@ -1,8 +1,8 @@
-"""Solver iterations: the constraint solver may take `scale` times its nominal number of steps, at least one.
+"""Solver iterations: the constraint solver may take `scale` times its nominal number of iterations, at least one.
 
-No physics at all but the simulator's own: a policy that lives on how a solver that stops early lets contacts leak fails
-once this varies. Native mechanism: `opt.iterations`. Newton's method is done after a few, so only small numbers tell.
-Source: MuJoCo 4.0 manual, Computation, Solver.
+This is no physics but an error of the simulator: a solver that stops early lets bodies penetrate, and a policy that
+exploits that fails once the number varies. Native mechanism: `opt.iterations`. Newton's method converges after a few
+iterations, so only a small `scale` has an effect. Source: MuJoCo 4.0 manual, Computation, Solver.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class SolverIterations(Effect):
     name = "solver_iterations"
     family = "contact"
     smooth = False
-    params = {"scale": Param(1.0, 0.01, 4.0, "1", start=0.02, scale="log", doc="of the nominal number of iterations")}
+    params = {"scale": Param(1.0, 0.01, 4.0, "1", start=0.02, scale="log", doc="most iterations over nominal")}
     writes = frozenset({"opt.iterations"})
 
     def targets(self, model):

@@ -1,8 +1,8 @@
 """Actuator lag: the torque follows its command as a first-order low-pass, `T dtau/dt = tau_cmd - tau`.
 
-MuJoCo's own mechanism is `dyntype="filterexact"`, which holds the lagged torque of a step's begin (or end) through the
-step; the same exact step, `1 - exp(-h/T)`, is taken here, but what acts is the step's mean. Source: MuJoCo 4.0 manual,
-actuator dynamics "filterexact".
+MuJoCo's own mechanism is `dyntype="filterexact"`, which applies the lagged torque of a step's beginning (or end) for
+the whole step. The same exact update, `1 - exp(-h/T)`, is used here, but the mean torque over the step is applied.
+Source: MuJoCo 4.0 manual, actuator dynamics "filterexact".
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ class ActuatorLag(Effect):
     commanded = True
     order = 15
     shared = True
-    params = {"time_constant": Param(0.0, 0.0, 0.05, "s", start=0.004, doc="of the torque loop")}
+    params = {"time_constant": Param(0.0, 0.0, 0.05, "s", start=0.004, doc="time constant of the torque loop")}
 
     def start(self, x, p):
-        return {"act": np.full_like(x.q, np.nan)}  # the first command finds the drive settled
+        return {"act": np.full_like(x.q, np.nan)}  # at the first command, the drive has settled at it
 
     def drive(self, state, tau, x, p):
         before, t = np.where(np.isnan(state["act"]), tau, state["act"]), np.maximum(p["time_constant"], 1e-12)

@@ -1,7 +1,7 @@
 """Command delay: the torque, or the goal of a position servo, acts `delay` after it was sent (bus cycle, firmware).
 
-MuJoCo's own mechanism, an actuator's `delay`, reads its history before it writes to it. So it makes a whole step of any
-delay below one, and training draws 0 to 20 ms at steps of 1.7 ms: a twelfth of its delays would be wrong. The ring
+MuJoCo's own mechanism, an actuator's `delay`, reads its history before it writes to it, so any delay below one step
+becomes a whole step. Training draws 0 to 20 ms at steps of 1.7 ms: a twelfth of its delays would be wrong. The ring
 buffer here is exact for any delay; interpolation over a physics step gives the step's mean torque.
 """
 

@@ -1,6 +1,6 @@
-"""Dead band: a position servo makes no torque for an error smaller than this, so that it does not hum at rest.
+"""Dead band: a position servo makes no torque for an error below `width / 2`, so that it does not hum at rest.
 
-`e -> e - clip(e, +-width / 2)`, the error less what the band swallows. Source: the dead-zone of Slotine and Li, Applied
+The error counts only beyond the band: `e -> e - clip(e, +-width / 2)`. Source: the dead-zone of Slotine and Li, Applied
 Nonlinear Control, 1991, sec. 5.2; servo makers set it in steps of the encoder.
 """
 

@@ -1,4 +1,4 @@
-"""Goal rate limit: a servo moves the goal that its loop follows no faster than its speed setting allows.
+"""Goal rate limit: the goal g that a servo's loop follows moves to the commanded goal at no more than `rate`.
 
 `g <- g + clip(goal - g, +-rate h)` at each step h: a trapezoidal profile without its ramps of acceleration. MuJoCo has
 no mechanism for it. Source: Slotine and Li, Applied Nonlinear Control, 1991, sec. 5.2 (rate saturation).
@@ -22,7 +22,7 @@ class GoalRateLimit(Effect):
     params = {"rate": Param(1000.0, 0.05, 1000.0, "rad/s", start=1.0, scale="log", doc="greatest speed of the goal")}
 
     def start(self, x, p):
-        return {"goal": np.full_like(x.q, np.nan)}  # the first goal finds the servo at rest there
+        return {"goal": np.full_like(x.q, np.nan)}  # at the first goal, the servo is at rest there
 
     def goal(self, state, goal, x, p):
         before = np.where(np.isnan(state["goal"]), goal, state["goal"])
@@ -32,6 +32,6 @@ class GoalRateLimit(Effect):
         return np.where(p["rate"] < self.params["rate"].null, state["goal"], goal)
 
     def guesses(self, look):
-        """Speeds that the joint reaches and does not pass."""
+        """Return the highest speeds of the joint: a limited servo reaches its rate and does not exceed it."""
         top = np.quantile(np.abs(look.dq), (0.999, 0.98, 0.9))
         return [{"rate": float(np.clip(v, 0.05, 999.0))} for v in np.unique(top)]

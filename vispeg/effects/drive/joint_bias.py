@@ -24,5 +24,5 @@ class JointBias(Effect):
         return tau + p["torque"]
 
     def inverse(self, needed, sensor, p):
-        # behind the gear a constant can only be the sensor's own zero; before it, torque that need not be commanded
+        # a sensor behind the gear reads the bias as an error of its own zero; else the bias need not be commanded
         return needed + p["torque"] if sensor == "joint" else needed - p["torque"]

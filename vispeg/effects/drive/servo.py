@@ -1,9 +1,9 @@
-"""Servo: the bandwidth, damping and static gain of a position servo whose loop is its maker's own.
+"""Servo: the bandwidth w, damping ratio zeta and static gain K of the control loop inside a position servo.
 
-`tau = J (w^2 (K goal - q) - 2 zeta w dq)`, J the nominal arm's apparent inertia there, the mean over its postures.
-Null is a servo that follows its goal at once (w = 150 rad/s, zeta 1, K 1). MuJoCo's own mechanism is a `position`
-actuator with gains fixed when the model is compiled; here they are numbers of each simulation. Source: Franklin, Powell
-and Emami-Naeini, Feedback Control of Dynamic Systems, 7th ed., sec. 3.3, eq. (3.55).
+`tau = J (w^2 (K goal - q) - 2 zeta w dq)`, where J is the nominal arm's apparent inertia at the joint, averaged over
+its postures. At null the servo follows its goal almost at once (w = 150 rad/s, zeta 1, K 1). MuJoCo's own mechanism is
+a `position` actuator with gains fixed when the model is compiled; here each simulation has its own. Source: Franklin,
+Powell and Emami-Naeini, Feedback Control of Dynamic Systems, 7th ed., sec. 3.3, eq. (3.55).
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ class Servo(Effect):
     telling = ("natural_frequency",)
     params = {
         "natural_frequency": Param(
-            FAST, 2.0, FAST, "rad/s", start=25.0, scale="log", doc="of the loop, at the joint's nominal inertia"
+            FAST, 2.0, FAST, "rad/s", start=25.0, scale="log", doc="bandwidth at the joint's nominal inertia"
         ),
-        "damping_ratio": Param(1.0, 0.1, 4.0, "1", start=0.8, shape=True, scale="log", doc="of the loop"),
+        "damping_ratio": Param(1.0, 0.1, 4.0, "1", start=0.8, shape=True, scale="log", doc="damping ratio"),
         "gain": Param(1.0, 0.8, 1.2, "1", start=0.98, doc="angle reached over goal, without load"),
     }
 

@@ -20,7 +20,7 @@ class TorqueGain(Effect):
     params = {"gain": Param(1.0, 0.5, 1.5, "1", start=1.05, doc="delivered over commanded torque")}
 
     def channels(self):
-        return super().channels() - {"servo", "load"}  # there it is only another stiffness of a loop nobody knows
+        return super().channels() - {"servo", "load"}  # it only scales the unknown stiffness of the servo's loop
 
     def drive(self, state, tau, x, p):
         return tau * p["gain"]

@@ -26,7 +26,7 @@ class TorqueLimit(Effect):
         return np.clip(tau, -p["limit"], p["limit"])
 
     def guesses(self, look):
-        """Give the greatest torques that the motion shows: a drive that saturates delivers its limit and no more."""
+        """Return the greatest torques that the motion needed: a saturated drive delivers its limit and no more."""
         tops = np.append(np.quantile(np.abs(look.needed), (1.0, 0.97, 0.9)), 1.1 * np.max(np.abs(look.needed)))
         asked = float(np.max(np.abs(look.tau)))
         return [{"limit": float(t)} for t in tops if self.params["limit"].low < t < asked]

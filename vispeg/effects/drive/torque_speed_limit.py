@@ -31,7 +31,7 @@ class TorqueSpeedLimit(Effect):
         return np.where(p["stall"] < self.params["stall"].null, np.clip(tau, -backward, forward), tau)
 
     def guesses(self, look):
-        """Torques that the motion needs, and speeds just above those that it reaches."""
+        """Return the greatest torques that the motion needed, with speeds just above those that it reached."""
         tops, top = np.quantile(np.abs(look.needed), (0.97, 1.0)), float(np.quantile(np.abs(look.dq), 0.999))
         low, high = self.params["stall"].low, self.params["stall"].high
         speeds = {float(np.clip(s * top, 0.3, 50.0)) for s in (1.1, 2.0)}

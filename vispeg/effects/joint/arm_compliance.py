@@ -1,10 +1,10 @@
-"""Arm compliance: links and gears give way under a load, out of the encoders' sight.
+"""Arm compliance: links and gears deflect under load, which the encoders do not see.
 
-Each joint stands `compliance` times its torque away from what its encoder says, less what it did where the motion
-began: kinematics that are calibrated, or a goal that is taught with the same arm, account for the arm's own weight.
-Quasi-static; the spring with a motor behind it, which sags too, is joint_elasticity. At the flange it is the compliance
-`J C J'` of Salisbury 1980, Active stiffness control of a manipulator in Cartesian coordinates, 19th IEEE Conference on
-Decision and Control: it turns with the posture, which separates it from a fixture's.
+The encoder's error is `compliance` times the change of the joint's torque since the motion began. The deflection at the
+beginning does not count: calibrated kinematics, or a goal taught with the same arm, contain that of the arm's own
+weight. It is quasi-static; `joint_elasticity` is the spring between motor and link with its dynamics. At the flange it
+is the compliance `J C J'` of Salisbury 1980, Active stiffness control of a manipulator in Cartesian coordinates, 19th
+IEEE Conference on Decision and Control. It changes with the posture, which distinguishes it from a fixture's.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from vispeg.core.effect import Effect
 from vispeg.core.params import Param
 from vispeg.effects.common.parts import in_scene
 
-RELAXATION = 5e-3  # s in which it gives way
+RELAXATION = 5e-3  # s, time constant of the deflection
 
 
 class ArmCompliance(Effect):
@@ -22,7 +22,7 @@ class ArmCompliance(Effect):
     name = "arm_compliance"
     family = "joint"
     order = 85
-    searchable = False  # of an arm in free air: what it does there, the calibration knows
+    searchable = False  # in free air, the calibration contains the deflection
     shared = True
     params = {"compliance": Param(0.0, 0.0, 1e-3, "rad/(N m)", start=5e-5, doc="deflection of each joint per torque")}
     stage = "compliance"

@@ -14,8 +14,8 @@ from vispeg.core.params import Param
 from vispeg.effects.common.gear import free_step, motor_step
 
 TOOTH_RELAXATION = 2e-3  # s
-STEP, LEAST_STEP = 1e-3, 2.5e-4  # s: a rotor free in its play, under a stiff servo, runs away at 2 ms
-TURN = 0.75  # rad of the rotor's oscillation against the teeth, that one step may span: its period is 2 % off then
+STEP, LEAST_STEP = 1e-3, 2.5e-4  # s: at 2 ms a rotor inside the gap, under a stiff servo, becomes unstable
+PHASE = 0.75  # rad, most phase per step of the rotor's oscillation against the teeth: the period is then 2 % off
 
 
 class Backlash(Effect):
@@ -32,15 +32,13 @@ class Backlash(Effect):
             0.2, 0.005, 3.0, "kg m2", start=0.2, shape=True, scale="log", doc="rotor inertia at the link side"
         ),
         "compliance": Param(
-            3e-5, 5e-6, 2e-4, "rad/(N m)", start=3e-5, shape=True, scale="log", doc="of the teeth in contact"
+            3e-5, 5e-6, 2e-4, "rad/(N m)", start=3e-5, shape=True, scale="log", doc="compliance of the teeth in contact"
         ),
     }
 
     def stable_step(self, p):
-        """Note that a light rotor against stiff teeth runs away sooner; halves of a step, so that few worlds differ in
-        theirs.
-        """
-        step, most = STEP, TURN * (p["motor_inertia"] * p["compliance"]) ** 0.5
+        """Return a step that resolves a light rotor against stiff teeth: `STEP`, halved as often as needed."""
+        step, most = STEP, PHASE * (p["motor_inertia"] * p["compliance"]) ** 0.5
         while step > max(most, LEAST_STEP):
             step /= 2
         return step

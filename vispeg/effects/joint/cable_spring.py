@@ -1,4 +1,4 @@
-"""Cable spring: a dress pack or umbilical that pulls the joint home, `tau = -stiffness (q - reference)`.
+"""Cable spring: a dress pack or umbilical pulls the joint to an angle, `tau = -stiffness (q - reference)`.
 
 Native mechanism: `jnt_stiffness` with `qpos_spring`. It acts on the link, outside the gear, so a joint torque sensor
 feels it as load. Source: MuJoCo 4.0 manual, body/joint/stiffness and springref.
@@ -20,7 +20,7 @@ class CableSpring(Effect):
     conservative = True
     moments = ("reference",)
     params = {
-        "stiffness": Param(0.0, 0.0, 60.0, "N m/rad", start=1.0, doc="of the cable"),
+        "stiffness": Param(0.0, 0.0, 60.0, "N m/rad", start=1.0, doc="stiffness of the cable"),
         "reference": Param(0.0, -3.2, 3.2, "rad", start=0.0, shape=True, doc="angle at which it is slack"),
     }
     writes = frozenset({"jnt_stiffness", "qpos_spring"})
@@ -33,8 +33,8 @@ class CableSpring(Effect):
         return "link"
 
     def guesses(self, look):
-        """Slack angle from the line that the missing torque follows over angle."""
-        if np.ptp(look.q) < 1e-4:  # a joint that stands still shows a point, not a line
+        """Return the slack angle of a line that is fitted to the missing torque over the angle."""
+        if np.ptp(look.q) < 1e-4:  # at rest there is no line to fit
             return [{"reference": 0.0}]
         slope, intercept = np.polyfit(look.q, look.excess, 1)
         low, high = self.params["reference"].low, self.params["reference"].high

@@ -20,16 +20,18 @@ class Cogging(Effect):
     smooth = False
     conservative = True
     params = {
-        "amplitude": Param(0.0, 0.0, 10.0, "N m", start=0.3, doc="of the ripple"),
-        "poles": Param(12.0, 2.0, 200.0, "1/rev", start=12.0, shape=True, scale="log", doc="periods a joint turn"),
-        "phase": Param(0.0, -np.pi, np.pi, "rad", start=0.0, shape=True, doc="at joint angle 0"),
+        "amplitude": Param(0.0, 0.0, 10.0, "N m", start=0.3, doc="amplitude of the ripple"),
+        "poles": Param(
+            12.0, 2.0, 200.0, "1/rev", start=12.0, shape=True, scale="log", doc="periods per turn of the joint"
+        ),
+        "phase": Param(0.0, -np.pi, np.pi, "rad", start=0.0, shape=True, doc="phase at joint angle 0"),
     }
 
     def torque(self, state, x, p):
         return p["amplitude"] * np.sin(p["poles"] * x.q + p["phase"])
 
     def guesses(self, look):
-        """Poles and phase of the strongest ripple of the missing torque over angle (least-squares periodogram)."""
+        """Return poles and phase of the two strongest ripples of the missing torque (least-squares periodogram)."""
         poles = np.geomspace(self.params["poles"].low, self.params["poles"].high, 120)
         span = float(np.ptp(look.q))
         poles = poles[poles * span > np.pi]  # a ripple shows only over half a period or more

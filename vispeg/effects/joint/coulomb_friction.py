@@ -1,4 +1,4 @@
-"""Coulomb friction: `tau = -torque sign(dq)`, and up to `torque` of holding at rest.
+"""Coulomb friction: `tau = -torque sign(dq)` in motion; at rest it holds the joint with up to `torque`.
 
 Native mechanism: `dof_frictionloss`, a constraint solved implicitly, made stiff so that a joint stops within one step.
 Source: Armstrong-Helouvry et al., Automatica 30(7), 1994, eq. (1).

@@ -1,4 +1,4 @@
-"""Elasto-plastic hysteresis: springs that yield one after the other, the presliding of gear teeth and cable sheaths.
+"""Elasto-plastic hysteresis: springs that slip one after the other, the presliding of gear teeth and cable sheaths.
 
 Source: the elements are those of `vispeg.effects.common.presliding` (Iwan 1966).
 """
@@ -19,7 +19,9 @@ class Hysteresis(Effect):
     family = "joint"
     params = {
         "torque": Param(0.0, 0.0, 30.0, "N m", start=0.5, doc="torque at which all elements slip"),
-        "stiffness": Param(200.0, 5.0, 3000.0, "N m/rad", start=200.0, shape=True, scale="log", doc="before any slips"),
+        "stiffness": Param(
+            200.0, 5.0, 3000.0, "N m/rad", start=200.0, shape=True, scale="log", doc="before any element slips"
+        ),
     }
     smooth = False
     contains = ("coulomb_friction",)

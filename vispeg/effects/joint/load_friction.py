@@ -1,9 +1,9 @@
 """Load-dependent friction: the gear's dry friction grows with the torque it carries.
 
-`level = coefficient |tau|`, tau the torque handed to the link in the last physics step. Below that level the teeth
-bend, which a good encoder sees. Sources: Duclusaud et al., "Extended friction models for the physics simulation of
-servo actuators" (BAM), 2024, model M4's load term; the presliding is that of `vispeg.effects.common.presliding` (Iwan
-1966).
+`level = coefficient |tau|`, where tau is the torque on the link in the last physics step. Below that level the teeth
+bend elastically, which a good encoder resolves. Sources: Duclusaud et al., "Extended friction models for the physics
+simulation of servo actuators" (BAM), 2024, model M4's load term; the presliding is that of
+`vispeg.effects.common.presliding` (Iwan 1966).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class LoadFriction(Effect):
     }
 
     def stable_step(self, p):
-        return 1e-3  # at twice that the level comes too late by a multiple of an encoder's noise
+        return 1e-3  # at 2 ms the late level moves the joint by a multiple of an encoder's noise
 
     def start(self, x, p):
         return slack(x.q)
@@ -35,7 +35,7 @@ class LoadFriction(Effect):
         return pull(state, x.q, softened(p["stiffness"], x.inertia, x.h), p["coefficient"] * np.abs(x.tau))
 
     def along(self, path, at, x, p):
-        # what the path was is remembered at the mean load: of a load that changes by its half, right to a few percent
+        # the springs follow the path at the mean load; for loads within half of the mean this is right to a few percent
         load = np.abs(x.tau)
         mean = np.maximum(load.mean(axis=0), 1e-9)
         stiffness, share = (np.broadcast_to(np.ravel(p[k]), path.shape[1:]) for k in ("stiffness", "coefficient"))

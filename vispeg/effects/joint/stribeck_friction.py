@@ -1,8 +1,8 @@
 """Stribeck friction: dry friction that is greater at rest and falls as a film of lubricant builds up with speed.
 
-`level = coulomb + excess exp(-(dq / velocity)^2)`, always against the motion. Rides on MuJoCo's dry-friction constraint
-(`dof_frictionloss`) whose level follows the speed at each physics step; the native LuGre `dcmotor` would need a
-compiled model for each candidate. Source: Armstrong-Helouvry et al., Automatica 30(7), 1994, eq. (5), exponent 2.
+`level = coulomb + excess exp(-(dq / velocity)^2)`, always against the motion. It sets the level of MuJoCo's
+dry-friction constraint (`dof_frictionloss`) at each physics step; the native LuGre `dcmotor` would need a compiled
+model for each candidate. Source: Armstrong-Helouvry et al., Automatica 30(7), 1994, eq. (5), exponent 2.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Torque noise: a random torque of given size and memory at a joint; what a diagnosis could not explain, played back.
+"""Torque noise: a random torque at a joint, such as the missing torque that a diagnosis could not explain.
 
 An Ornstein-Uhlenbeck process, stationary from the first step and exact at any step: `x' = a x + sqrt(1 - a^2) n`,
 `a = exp(-h / time)`. Source: Uhlenbeck and Ornstein, Physical Review 36(5), 1930. No MuJoCo mechanism.

@@ -1,4 +1,4 @@
-"""Viscous friction: `tau = -damping dq`, the lubricant's share of a gear's loss.
+"""Viscous friction: `tau = -damping dq`, the part of a gear's friction that its lubricant causes.
 
 Native mechanism: `dof_damping`, integrated implicitly. Source: Armstrong-Helouvry et al., Automatica 30(7), 1994,
 eq. (2).

@@ -1,7 +1,7 @@
-"""Dropped readings: with probability `chance` a reading does not arrive and the last one stands in for it.
+"""Dropped readings: with probability `chance` a reading does not arrive, and the last one is repeated.
 
-Joints with the same seed lose the same ticks, as in a lost packet; drops are independent from tick to tick. No MuJoCo
-mechanism. Each simulation draws from a stream keyed by the shape parameter `seed`. Source of the range: 0.1 to 1 %,
+Joints with the same seed lose the readings of the same ticks, as in a lost packet; ticks are independent. No MuJoCo
+mechanism. Each simulation draws from a random stream that `seed` determines. Source of the range: 0.1 to 1 %,
 practitioners' sim-to-real article.
 """
 

@@ -1,8 +1,8 @@
-"""Encoder noise: every reading of angle and velocity is off by a Gaussian of its own, white from tick to tick.
+"""Encoder noise: angle and velocity readings have independent Gaussian noise, new at every tick.
 
-No MuJoCo mechanism: controllers here read angles, not sensors. Each simulation draws from a stream
-keyed by the shape parameter `seed`, so a world replays and a row does not depend on its neighbours. Source of the
-range: 0.001 to 0.01 rad, practitioners' sim-to-real article.
+No MuJoCo mechanism: controllers here read angles, not sensors. Each simulation draws from a random stream that `seed`
+determines, so a world can be replayed and does not depend on the others of its batch. Source of the range: 0.001 to
+0.01 rad, practitioners' sim-to-real article.
 """
 
 from __future__ import annotations

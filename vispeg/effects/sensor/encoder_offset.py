@@ -1,8 +1,7 @@
 """Encoder offset: the measured angle is the true one plus a constant (a zero that was set wrong).
 
-The controller and the log read the shifted angle, the arm stands elsewhere: gravity and kinematics no longer fit.
-Source:
-DIAGNOSIS conventions of this project (measured minus true); no MuJoCo mechanism, since it is the reading that is wrong.
+The controller and the log read the shifted angle while the arm is elsewhere, so gravity and kinematics do not match.
+Its sign is measured minus true. No MuJoCo mechanism, since it is the reading that is wrong.
 """
 
 from __future__ import annotations

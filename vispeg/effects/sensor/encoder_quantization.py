@@ -31,9 +31,9 @@ class EncoderQuantization(Effect):
         return float(p["step"])
 
     def reading_noise(self, sigma, p):
-        """Noise tips readings over to the next step: sqrt(E[(Q(x + n) - Q(x))^2]) for n ~ N(0, sigma^2).
+        """Return the RMS change of a reading by noise, sqrt(E[(Q(x + n) - Q(x))^2]) with n ~ N(0, sigma^2), Q rounding.
 
-        An x anywhere in its step with noise n = (m + f) step ends m or, with probability f, m + 1 steps away.
+        For x uniform in its step and n = (m + f) step, the reading changes by m steps, or by m + 1 with probability f.
         """
         if not p["step"] > 0 or not sigma > 0:
             return sigma
@@ -44,43 +44,47 @@ class EncoderQuantization(Effect):
         return float(p["step"] * np.sqrt(np.average(squared, weights=weight)))
 
     def guesses(self, look):
-        """Give the spacing of the measured angles, where they are seen to lie on a grid wider than their noise."""
+        """Return the spacing of the measured angles if they lie on a grid, even with noise on it; else []."""
         values = np.unique(look.raw)
         gaps = np.diff(values)
         gaps = gaps[gaps > 1e-9]
         if len(gaps) >= 4 and len(values) < 0.5 * len(look.raw):
             return [{"step": float(np.clip(np.median(gaps), 1e-6, self.params["step"].high))}]
-        step = _under_noise(np.ascontiguousarray(look.raw).tobytes(), self.params["step"].high)
+        step = _step_in_noise(np.ascontiguousarray(look.raw).tobytes(), self.params["step"].high)
         return [{"step": step}] if step else []
 
 
 @lru_cache(maxsize=64)
-def _under_noise(readings: bytes, widest: float) -> float:
-    """Noise rides on the grid: the step on whose phase the differences cluster most (Rayleigh's statistic); 0 if none.
+def _step_in_noise(readings: bytes, widest: float) -> float:
+    """Return the step, rad, of readings that are rounded and then get noise; 0 if no step is found.
 
-    Differences over longer and longer lags span more steps and so pin the step down more finely. Remembered, as a
-    search asks it of the same readings again and again.
+    Differences between readings are then near multiples of the step: Rayleigh's statistic of their phase is greatest.
+    Differences over longer lags span more steps and so determine the step more finely. The result is cached, because a
+    search asks for the same readings again and again.
     """
     raw = np.frombuffer(readings)
     low, high, best, width = 2e-5, widest, 0.0, 0.0
     for lag in (1, 4, 16, 64, 256):
         moves = (raw[lag:] - raw[:-lag])[:: max(1, len(raw) // 1500)]
-        steps = np.linspace(1 / high, 1 / low, 2500) if not best else 1 / best + np.linspace(-1, 1, 400) * width
-        phase = _clustered(moves, steps)
+        inverse = np.linspace(1 / high, 1 / low, 2500) if not best else 1 / best + np.linspace(-1, 1, 400) * width
+        phase = _clustered(moves, inverse)
         slow = 1.0 / max(np.ptp(moves), 1e-12)
-        phase[steps < 2 * slow] = 0.0  # a step wider than the motion fits anything
+        phase[inverse < 2 * slow] = 0.0  # a step wider than half the motion fits anything
         top = int(np.argmax(phase))
         if phase[top] < 0.25:
             return float(best) if lag > 4 else 0.0
-        best, width = 1.0 / steps[top], 0.5 * slow
+        best, width = 1.0 / inverse[top], 0.5 * slow
     return float(best)
 
 
-def _clustered(moves: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Rayleigh's statistic (k,) of moves on the grids of evenly spaced 1 / `steps`: from each to the next one turns."""
-    turned, turn = (np.exp(2j * np.pi * moves * s) for s in (steps[0], steps[1] - steps[0]))
-    out = np.empty(len(steps))
-    for k in range(len(steps)):
+def _clustered(moves: np.ndarray, inverse: np.ndarray) -> np.ndarray:
+    """Return Rayleigh's statistic (k,), 0 to 1, of moves (n,) rad on grids with steps 1 / `inverse` (k,), 1/rad.
+
+    `inverse` is evenly spaced, so from one to the next every phase turns by the same angle.
+    """
+    turned, turn = (np.exp(2j * np.pi * moves * s) for s in (inverse[0], inverse[1] - inverse[0]))
+    out = np.empty(len(inverse))
+    for k in range(len(inverse)):
         out[k] = abs(turned.mean())
         turned *= turn
     return out

@@ -28,4 +28,4 @@ class SensorDelay(Effect):
         return state[0](q, p["delay"]), state[1](dq, p["delay"])
 
     def regressor(self, look, p):
-        return p["delay"] * look.rate(look.sent)  # the torque of an instant stands beside an older reading
+        return p["delay"] * look.rate(look.sent)  # a torque is logged with an older reading

@@ -1,7 +1,8 @@
-"""Wrench bias: the wrist's force sensor reads a constant more than there is, `w' = w + b`, in the flange frame.
+"""Wrench bias: a constant is added to the reading of the wrist's force sensor, `w' = w + b`, in the flange frame.
 
-What taring leaves and drift brings. No MuJoCo mechanism, since it is the reading that is wrong. Source: the affine
-model of a multi-axis force sensor, e.g. Traversaro et al. 2015, In situ calibration of six-axis force-torque sensors.
+It is left by taring, or comes with drift. No MuJoCo mechanism, since it is the reading that is wrong. Source: the
+affine model of a multi-axis force sensor, e.g. Traversaro et al. 2015, In situ calibration of six-axis force-torque
+sensors.
 """
 
 from __future__ import annotations

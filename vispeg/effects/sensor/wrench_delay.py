@@ -1,8 +1,8 @@
-"""Wrench delay: the wrist's force sensor says what was `delay` ago.
+"""Wrench delay: the wrist's force sensor reads the wrench of `delay` ago.
 
 Filters and buses of a force sensor, as a pure dead time: w'(t) = w(t - delay). Readings are taken at control ticks;
-between them the past is interpolated linearly. MuJoCo's own mechanism is a sensor's `delay`; as in `sensor_delay` the
-ring buffer is kept in the measurement chain, where each row of a batch has a delay of its own.
+between them the past is interpolated linearly. MuJoCo's own mechanism is a sensor's `delay`; as in `sensor_delay` a
+ring buffer in the measurement chain is used, where each simulation has a delay of its own.
 """
 
 from __future__ import annotations

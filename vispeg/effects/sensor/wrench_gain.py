@@ -1,7 +1,7 @@
-"""Wrench gain: the wrist's force sensor reads a share of what there is, `w' = gain w`, all six numbers alike.
+"""Wrench gain: the wrist's force sensor reads all six components scaled by one factor, `w' = gain w`.
 
-A wrong scale. The tool's weight is scaled too, and the task subtracts the weight that it knows. No MuJoCo mechanism,
-since it is the reading that is wrong. Source: the affine model of a multi-axis force sensor, e.g. Traversaro et al.
+The tool's weight is scaled too, while the task subtracts the declared weight. No MuJoCo mechanism, since it is the
+reading that is wrong. Source: the affine model of a multi-axis force sensor, e.g. Traversaro et al.
 2015, In situ calibration of six-axis force-torque sensors, with a multiple of the identity as its matrix.
 """
 

@@ -1,8 +1,8 @@
-"""Wrench noise: each force and torque that the wrist's sensor reads is off by a Gaussian of its own, white over ticks.
+"""Wrench noise: the wrist's sensor reads forces and torques with independent Gaussian noise, new at every tick.
 
-No MuJoCo mechanism: its engine does not apply a sensor's `noise`. Each simulation draws from a stream keyed by the
-shape parameter `seed`, so a world replays and a row does not depend on its neighbours. Source: the noise that data
-sheets of force sensors state, as one standard deviation for forces and one for torques.
+No MuJoCo mechanism: its engine does not apply a sensor's `noise`. Each simulation draws from a random stream that
+`seed` determines, so a world can be replayed and does not depend on the others of its batch. Source: the noise that
+data sheets of force sensors state, as one standard deviation for forces and one for torques.
 """
 
 from __future__ import annotations

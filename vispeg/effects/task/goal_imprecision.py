@@ -1,7 +1,7 @@
-"""Goal imprecision: the hole is believed (x, y, z) from where it is, base axes.
+"""Goal imprecision: the believed position of the hole is off by (x, y, z), base axes.
 
-The physics does not change, what the task tells a policy does. Source: Kaspar and Bock, Reinforcement
-Learning with Cartesian Commands and Sim to Real Transfer for Peg in Hole Tasks: a subtler search emerged from it.
+The physics does not change, only what the task tells a policy. Source: Kaspar and Bock, Reinforcement Learning with
+Cartesian Commands and Sim to Real Transfer for Peg in Hole Tasks, whose policies learnt a subtler search from it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
-"""Grip pose: the peg sits askew between the fingers, shifted by (x, y, z) and turned by roll and pitch.
+"""Grip pose: the held part is shifted by (x, y, z) and turned by roll and pitch between the fingers.
 
-Axes are the flange's; the turn is about the peg's centre, which is where the fingers end. Native mechanism: `body_pos`
-and `body_quat` of the body `peg` in the gripper.
+Axes are the flange's; it is turned about its centre of mass. Native mechanism: `body_pos` and `body_quat` of its body.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from vispeg.effects.task.hole_tilt import turned
 
 
 class GripPose(Effect):
-    """Pose error of the peg in the gripper."""
+    """Pose error of the held part in the gripper."""
 
     name = "grip_pose"
     family = "task"

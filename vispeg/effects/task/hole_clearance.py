@@ -1,9 +1,9 @@
 """Hole clearance: the hole is `width` wider than nominal, measured across (diametral).
 
 Native mechanism: `geom_pos` of the hole's walls, each moved outwards along its own normal by half of `width`, and of
-the plates around them, each by as much along both sides of the square in which these stand. No recompile, so clearance
-can be drawn per episode or tightened while a policy learns. What a camera sees of the hole stays nominal. A hole made
-narrower than the peg is one that the peg does not fit.
+the plates around them, each moved as far along both axes of the square that they form. The model is not recompiled, so
+clearance can be drawn per episode or tightened while a policy learns. Cameras see the nominal hole. A hole may become
+narrower than the peg; then the peg does not fit.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Hole offset: the fixture, and the hole in it, stands (x, y, z) from its nominal place, base axes.
+"""Hole offset: the fixture, and the hole in it, is shifted by (x, y, z) from its nominal place, base axes.
 
-The goal itself moves: the believed goal moves with it (an error of the belief is
-`goal_imprecision`). Native mechanism: `body_pos` of the body `fixture`.
+The believed goal moves with the true one; an error of the belief alone is `goal_imprecision`. Native mechanism:
+`body_pos` of the body `fixture`.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from vispeg.effects.common.parts import fixture
 
 
 def turned(quat: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Quaternions (n, 4) wxyz after a further turn by `angles` (n, 3), roll, pitch and yaw in the parent's axes."""
+    """Return quaternions (n, 4) wxyz turned by `angles` (n, 3) rad: roll, pitch and yaw about the parent's axes."""
     from scipy.spatial.transform import Rotation
 
     if not len(quat):

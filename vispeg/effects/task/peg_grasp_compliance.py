@@ -1,7 +1,7 @@
-"""Peg grasp compliance: the peg gives way between the fingers by (x, y) m/N, and tilts by (roll, pitch) rad/(N m).
+"""Peg grasp compliance: the peg moves between the fingers by (x, y) m/N, and tilts by (roll, pitch) rad/(N m).
 
-Axes are the flange's; it tilts about the middle of the fingers' grip. Along its axis a peg does not give way but slips,
-see gripper_slip. Native mechanism: slides and hinges with springs under the body that the gripper holds,
+Axes are the flange's; it tilts about the middle of the fingers' grip. Along its axis a peg slips instead, see
+gripper_slip. Native mechanism: slides and hinges with springs under the body that the gripper holds,
 `jnt_stiffness` = 1 / compliance, see `springs`. Source: grasp stiffness as a matrix in the object's frame, Cutkosky and
 Kao 1989, Computing and controlling the compliance of a robotic hand, IEEE Trans. Robotics and Automation 5(2).
 """

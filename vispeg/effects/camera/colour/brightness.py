@@ -1,6 +1,6 @@
-"""Brightness, as picture tools change it: encoded values scaled, `v (1 + change)`, cut at white.
+"""Brightness: encoded colour values are scaled, `v (1 + change)`, and clipped at white, as image editors do it.
 
-Not light but a post-processing gain; `exposure` is the physical one. Range: +-30 % in practitioners' recipes.
+This gain acts on the finished image; `exposure` scales the light. Range: +-30 % in practitioners' recipes.
 """
 
 from __future__ import annotations

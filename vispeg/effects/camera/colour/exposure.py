@@ -1,6 +1,6 @@
-"""Exposure: all light scaled by `2^stops` before the sensor, cut where it is full.
+"""Exposure: the light on the sensor is scaled by `2^stops` and clipped where the sensor saturates.
 
-Photographic stops: one doubles the light. Range: 2^U(-0.7, 0.7) is what an automatic exposure leaves between scenes.
+Range: `stops` of -0.7 to 0.7, the differences between scenes that an automatic exposure leaves.
 """
 
 from __future__ import annotations
@@ -22,4 +22,4 @@ class Exposure(LightEffect):
 
     def light(self, frame, p, rng):
         gain = np.exp2(p["stops"]).astype(np.float32)
-        return lambda light, row: np.minimum(light * gain[row], 1)  # a full well
+        return lambda light, row: np.minimum(light * gain[row], 1)  # saturation

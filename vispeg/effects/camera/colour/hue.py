@@ -1,6 +1,7 @@
-"""Hue: every colour turned round the colour circle by the same part of a turn; value and saturation stay.
+"""Hue: every colour is rotated on the colour circle by `turn`; value and saturation stay.
 
-In the hexagonal HSV of Smith, Color gamut transform pairs, SIGGRAPH 1978. Range: +-20 % in practitioners' recipes.
+Colours are in the hexagonal HSV of Smith, Color gamut transform pairs, SIGGRAPH 1978. Range: +-20 % of a turn in
+practitioners' recipes.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""JPEG: the picture coded and decoded at quality `100 - loss`, as network cameras and bag files do it.
+"""JPEG: the image is compressed and decompressed at quality `100 - loss`, as for network cameras and bag files.
 
 Source: ITU-T T.81, with libjpeg's scale of quality. Range: quality 60 to 95.
 """
@@ -16,7 +16,7 @@ class Jpeg(CameraEffect):
 
     name = "jpeg"
     order = 70
-    params = {"loss": Param(0.0, 0.0, 95.0, "1", start=20.0, doc="100 less the quality; 0 is no coding at all")}
+    params = {"loss": Param(0.0, 0.0, 95.0, "1", start=20.0, doc="100 minus the quality; 0 is no compression")}
 
     def image(self, state, frame, p, rng):
         import cv2

@@ -1,8 +1,8 @@
-"""Sensor noise in linear light I in [0, 1]: variance `shot I + read^2`, before the encoding.
+"""RGB noise: linear light I in [0, 1] gets sensor noise of variance `shot I + read^2`.
 
-The Poisson part as a Gaussian of the same variance. Source: Foi, Trimeche, Katkovnik and Egiazarian, Practical
-Poissonian-Gaussian noise modeling and fitting for single-image raw-data, TIP 17(10), 2008, eq. (3). Ranges: shot 1e-4
-to 1e-2; read 0 to 0.05 in practitioners' recipes.
+The Poisson noise of photons is drawn as a Gaussian of the same variance. Source: Foi, Trimeche, Katkovnik and
+Egiazarian, Practical Poissonian-Gaussian noise modeling and fitting for single-image raw-data, TIP 17(10), 2008,
+eq. (3). Ranges: shot 1e-4 to 1e-2; read 0 to 0.05 in practitioners' recipes.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ class RgbNoise(LightEffect):
     channel = "light"
     order = 58
     params = {
-        "shot": Param(0.0, 0.0, 0.05, "1", start=0.002, doc="variance for each unit of light: photons"),
-        "read": Param(0.0, 0.0, 0.1, "1", start=0.01, doc="standard deviation in the dark: electronics"),
+        "shot": Param(0.0, 0.0, 0.05, "1", start=0.002, doc="variance per unit of light (photon noise)"),
+        "read": Param(0.0, 0.0, 0.1, "1", start=0.01, doc="standard deviation in the dark (electronics)"),
     }
 
     def light(self, frame, p, rng):

@@ -1,7 +1,7 @@
-"""Saturation: colours drawn towards their own grey or away from it, `g + (1 + change) (v - g)`, g the pixel's luma.
+"""Saturation: colours v move towards the grey of their luma g or away from it, `g + (1 + change) (v - g)`.
 
-Grey pixels stay as they are, and luma does where nothing is cut at black or white. Luma: ITU-R BT.709. Range: +-15 %
-in practitioners' recipes.
+Grey pixels do not change. The luma (ITU-R BT.709) stays too, unless a channel is clipped at black or white. Range:
++-15 % in practitioners' recipes.
 """
 
 from __future__ import annotations

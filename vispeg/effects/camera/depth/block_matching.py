@@ -1,10 +1,9 @@
-"""Block matching: a *different* depth sensor, computed instead of modelled.
+"""Block matching: depth is computed by stereo matching instead of taken from the renderer.
 
-Where this effect is at work, depth does not come from the renderer: a second eye is rendered beside the first, a dot
-pattern is thrown on the scene from between them, and semi-global matching finds the disparities. It shares no formula
-with the other depth effects, so worlds with it are a fair test of them. `vispeg.render.block_matching` carries it
-out, since a hook on images cannot render. Source: Hirschmueller, Stereo processing by semiglobal matching and mutual
-information, TPAMI 30(2), 2008.
+A second camera is rendered beside the first, a dot pattern is projected on the scene from between them, and semi-global
+matching finds the disparities. The effect shares no formula with the other depth effects, so worlds with it are an
+independent test of them. `vispeg.render.block_matching` does the work, since a hook on images cannot render. Source:
+Hirschmueller, Stereo processing by semiglobal matching and mutual information, TPAMI 30(2), 2008.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ class DepthDropout(CameraEffect):
     channel = "depth"
     order = 36
     params = {
-        "share": Param(0.0, 0.0, 0.5, "1", start=0.05, doc="of pixels without a reading"),
+        "share": Param(0.0, 0.0, 0.5, "1", start=0.05, doc="share of pixels without a reading"),
         "size": Param(3.0, 0.0, 12.0, "px", start=3.0, shape=True, doc="mean run of lost pixels in a row"),
     }
 

@@ -1,10 +1,10 @@
 """Depth noise: `z' = z + sigma(z) n` with `sigma(z) = sigma0 + k z^2`, n normal, new in every pixel and frame.
 
-Along the optical axis and in metres, so it has a floor that no nearness removes and is symmetric in z. Disparity
-noise (`disparity_noise`) is symmetric in 1/z and skewed in z, has no floor, and neighbours share it; k stands for its
-sd / (f B) where a sensor's data sheet states metres. What would be at or behind the lens is lost. Source: Nguyen,
-Izadi and Lovell, Modeling Kinect sensor noise, 3DIMPVT 2012 (1.2 mm and 1.9e-3 / m, about 0.4 m). Ranges: sigma0 0.1
-to 2 mm, k 1e-3 to 1e-2 / m.
+This noise is in metres along the optical axis: symmetric in z, and at least sigma0 at any distance. Disparity noise
+(`disparity_noise`) is symmetric in 1/z and so skewed in z, vanishes at z = 0, and is shared by neighbouring pixels. Use
+k = sd / (f B) of that effect if a sensor's data sheet states metres. A pixel whose z' is not positive gets no reading.
+Source: Nguyen, Izadi and Lovell, Modeling Kinect sensor noise, 3DIMPVT 2012 (1.2 mm and 1.9e-3 / m, about 0.4 m).
+Ranges: sigma0 0.1 to 2 mm, k 1e-3 to 1e-2 / m.
 """
 
 from __future__ import annotations

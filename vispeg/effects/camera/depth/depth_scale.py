@@ -1,9 +1,9 @@
 """Depth scale: every distance times one factor, `z' = factor z`, as a wrong baseline or focal length makes it.
 
-A depth camera finds a disparity d and reports z = f B / d. If the true focal length and baseline are f and B and it
-believes f' and B', then z' / z = (f' B') / (f B) at every pixel: the same factor near and far, which no averaging
-removes. Source: Gallup, Frahm, Mordohai and Pollefeys, CVPR 2008, eq. (1). Range: 1 to 2 % after a fall or a change of
-temperature. `depth_bias` has the same law as its `scale`, among the leans and ripples of a matcher.
+A depth camera finds a disparity d and reports z = f B / d. If its true focal length and baseline are f and B but its
+calibration says f' and B', then z' / z = (f' B') / (f B) at every pixel: the same factor near and far, which no
+averaging removes. Source: Gallup, Frahm, Mordohai and Pollefeys, CVPR 2008, eq. (1). Range: 1 to 2 % after a fall or a
+change of temperature. The parameter `scale` of `depth_bias` is the same error.
 """
 
 from __future__ import annotations

@@ -1,15 +1,15 @@
-"""Depth errors that last: disparity noise of which each frame keeps a share, e <- rho e + sqrt(1 - rho^2) sd n.
+"""Lasting depth errors: disparity noise that is correlated over frames, e <- rho e + sqrt(1 - rho^2) sd n.
 
-A first-order autoregression: sd at every frame, correlated by rho^k over k frames. So a policy cannot average it away
-as it can `disparity_noise`. Ranges: rho 0.5 to 0.9, by the temporal filter that stereo cameras run; sd as of the
-noise.
+n is new noise of variance 1. The error e has standard deviation sd in every frame and correlation rho^k over k frames,
+so a policy cannot average it away as it can `disparity_noise`. Ranges: rho 0.5 to 0.9, from the temporal filters of
+stereo cameras; sd as in `disparity_noise`.
 """
 
 from __future__ import annotations
 
 from vispeg.core.params import Param
 from vispeg.effects.common.camera import CameraEffect, column
-from vispeg.effects.common.disparity import PARAMS, displaced, gauge
+from vispeg.effects.common.disparity import PARAMS, displaced, focal_baseline
 from vispeg.effects.common.field import persistent
 
 
@@ -30,4 +30,4 @@ class DepthTemporal(CameraEffect):
         if frame.depth is None or not len(rows):
             return
         noise = persistent(state, frame, rows, rng, p["length"], p["rho"])
-        frame.depth[rows] = displaced(frame.depth[rows], column(p["sd"], rows, 2) * noise, gauge(p, rows))
+        frame.depth[rows] = displaced(frame.depth[rows], column(p["sd"], rows, 2) * noise, focal_baseline(p, rows))

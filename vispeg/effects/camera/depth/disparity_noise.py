@@ -11,7 +11,7 @@ import numpy as np
 
 from vispeg.core.params import Param
 from vispeg.effects.common.camera import CameraEffect, column
-from vispeg.effects.common.disparity import PARAMS, displaced, gauge
+from vispeg.effects.common.disparity import PARAMS, displaced, focal_baseline
 from vispeg.effects.common.field import correlated
 
 
@@ -31,4 +31,4 @@ class DisparityNoise(CameraEffect):
         if frame.depth is None or not len(rows):
             return
         noise = np.stack([correlated(rng[row], frame.shape, float(p["length"][row])) for row in rows])
-        frame.depth[rows] = displaced(frame.depth[rows], column(p["sd"], rows, 2) * noise, gauge(p, rows))
+        frame.depth[rows] = displaced(frame.depth[rows], column(p["sd"], rows, 2) * noise, focal_baseline(p, rows))

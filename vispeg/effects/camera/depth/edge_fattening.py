@@ -1,11 +1,12 @@
-"""Edge fattening: a matching window that straddles an edge answers with the nearer surface, or not at all.
+"""Edge fattening: where a stereo matcher's window straddles an edge, it finds the nearer surface, or none.
 
-With a window of `window` px at the matcher's size, a nearer thing grows by half of that on each side; here the least
-depth within the half window replaces what lies behind it by more than `contrast` px of disparity beyond what the slope
-of the surface explains, and a share `reject` of such pixels has none. A plane's disparity is linear in the image, so it
-falls as far to one side of a pixel as it rises to the other; at an edge it rises further. What
-of the half window is less than a pixel of the image is given to that share of the pixels. Source: Scharstein and
-Szeliski, A taxonomy of dense two-frame stereo algorithms, IJCV 47, 2002, section 3.2. Range: windows of 5 to 9 px.
+With a window of `window` px at the matcher's native size, a near object grows by half a window on each side. Here a
+pixel beside an edge gets the least depth within half a window of it; a share `reject` of these pixels gets no reading.
+An edge is where the largest disparity within reach exceeds the pixel's own by more than `contrast` px plus what a
+sloping surface explains: the disparity of a plane is linear in the image, so it falls as far to one side of a pixel as
+it rises to the other. If half a window is not a whole number of image pixels, it is rounded up in a share of the pixels
+equal to the fraction, and down in the others. Source: Scharstein and Szeliski, A taxonomy of dense two-frame stereo
+algorithms, IJCV 47, 2002, section 3.2. Range: windows of 5 to 9 px.
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ import numpy as np
 
 from vispeg.core.params import Param
 from vispeg.effects.common.camera import CameraEffect
-from vispeg.effects.common.disparity import PARAMS, gauge
+from vispeg.effects.common.disparity import PARAMS, focal_baseline
 from vispeg.effects.common.field import words
 
-SLOPES = np.float32(2.0)  # an edge rises so many times as far to its near side as it falls to the other
+SLOPES = np.float32(2.0)  # at an edge the disparity rises more than this many times as far as it falls
 
 
 class EdgeFattening(CameraEffect):
@@ -39,7 +40,7 @@ class EdgeFattening(CameraEffect):
         rows = self.rows(p)
         if frame.depth is None or not len(rows):
             return
-        fb = gauge(p, rows)
+        fb = focal_baseline(p, rows)
         for i, row in enumerate(rows):
             depth, scale = frame.depth[row], fb[i, 0, 0]
             radius = float(p["window"][row]) / 2 * float(frame.K[row, 0, 0]) / float(p["focal"][row])
@@ -49,7 +50,7 @@ class EdgeFattening(CameraEffect):
             wide = np.ones((2 * pixels + 3,) * 2, np.uint8)
             high = cv2.dilate(d, wide)
             edge = SLOPES * (d - cv2.erode(d, wide)) + np.float32(p["contrast"][row])
-            inner = (slice(pixels + 1, -pixels - 1),) * 2  # at the border, one side is not known
+            inner = (slice(pixels + 1, -pixels - 1),) * 2  # near the image's border one side is unknown
             candidate = np.zeros(frame.shape, bool)
             candidate[inner] = (high - d > edge)[inner] & (depth[inner] > 0)
             at = np.flatnonzero(candidate)

@@ -1,8 +1,9 @@
-"""Camera pose error: the camera sits elsewhere than its calibration says.
+"""Camera pose error: the camera is displaced and rotated from the pose in its calibration.
 
 A displacement and a rotation vector in the camera's own OpenCV axes (x right, y down, z forward), written to MuJoCo's
-`cam_pos` and `cam_quat`, whose axes are (x, -y, -z). What the user believes of the camera stays. Ranges: 2 to 10 mm and
-1 to 3 deg for a careful hand-eye calibration; +-3 cm and +-5 deg to +-10 cm and +-10 deg in practitioners' recipes.
+`cam_pos` and `cam_quat`, whose axes are (x, -y, -z). The calibration that policies and users have does not change.
+Ranges: 2 to 10 mm and 1 to 3 deg for a careful hand-eye calibration; +-3 cm and +-5 deg to +-10 cm and +-10 deg in
+practitioners' recipes.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 from vispeg.core.params import Param
 from vispeg.effects.common.camera import CameraEffect
 
-AXES = np.array([1.0, -1.0, -1.0])  # OpenCV's axes in MuJoCo's
+AXES = np.array([1.0, -1.0, -1.0])  # signs from OpenCV's to MuJoCo's camera axes
 
 
 class CameraOffset(CameraEffect):
@@ -23,12 +24,12 @@ class CameraOffset(CameraEffect):
     channel = "border"
     writes = frozenset({"cam_pos", "cam_quat"})
     params = {
-        "x": Param(0.0, -0.1, 0.1, "m", start=0.005, doc="to the right"),
-        "y": Param(0.0, -0.1, 0.1, "m", start=0.005, doc="downwards"),
-        "z": Param(0.0, -0.1, 0.1, "m", start=0.005, doc="forwards"),
-        "rx": Param(0.0, -0.2, 0.2, "rad", start=0.02, doc="about the axis to the right"),
-        "ry": Param(0.0, -0.2, 0.2, "rad", start=0.02, doc="about the axis downwards"),
-        "rz": Param(0.0, -0.2, 0.2, "rad", start=0.02, doc="about the optical axis"),
+        "x": Param(0.0, -0.1, 0.1, "m", start=0.005, doc="displacement to the right"),
+        "y": Param(0.0, -0.1, 0.1, "m", start=0.005, doc="displacement downwards"),
+        "z": Param(0.0, -0.1, 0.1, "m", start=0.005, doc="displacement forwards"),
+        "rx": Param(0.0, -0.2, 0.2, "rad", start=0.02, doc="rotation about the axis to the right"),
+        "ry": Param(0.0, -0.2, 0.2, "rad", start=0.02, doc="rotation about the axis downwards"),
+        "rz": Param(0.0, -0.2, 0.2, "rad", start=0.02, doc="rotation about the optical axis"),
     }
 
     def write(self, fields, p):

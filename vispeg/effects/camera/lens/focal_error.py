@@ -1,8 +1,7 @@
-"""Focal length error: the lens is longer or shorter than its calibration says, each axis by its own part.
+"""Focal length error: the true focal lengths differ from the calibrated ones, for each axis of the image.
 
-Written to `cam_intrinsic`, whose first two numbers are the focal lengths: what is rendered changes, the K that the user
-believes does not. Range: +-1 to 2 %; of 5 % the SVRC's guide
-(docs/sources.md) says that it costs a grasp 10 to 15 % of its accuracy.
+Written to the first two numbers of `cam_intrinsic`, the focal lengths. The rendered image changes; the calibrated K
+does not. Range: +-1 to 2 %. By the SVRC's guide (docs/sources.md), 5 % cost a grasp 10 to 15 % of its accuracy.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 A pixel at the distorted point shows what the rendered image has at the undistorted one: colour interpolated linearly,
 depth from the nearest pixel, so that no depth is made up between two surfaces. Points outside the rendered image get
 the colour of its border and no depth (0). Source: Brown, Decentering distortion of lenses, 1966. Typical sizes: |k1| up
-to 0.1 of a lens without calibration, a tenth of that after one.
+to 0.1 without calibration, a tenth of that with one.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class LensDistortion(CameraEffect):
     channel = "border"
     order = 40
     params = {
-        "k1": Param(0.0, -0.2, 0.2, "1", start=0.05, doc="radial, with r^2; below 0 is a barrel"),
+        "k1": Param(0.0, -0.2, 0.2, "1", start=0.05, doc="radial, with r^2; barrel distortion if below 0"),
         "k2": Param(0.0, -0.05, 0.05, "1", start=0.01, doc="radial, with r^4"),
         "p1": Param(0.0, -0.02, 0.02, "1", start=0.002, doc="decentring, along y"),
         "p2": Param(0.0, -0.02, 0.02, "1", start=0.002, doc="decentring, along x"),

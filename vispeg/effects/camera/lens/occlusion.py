@@ -1,7 +1,7 @@
-"""Things before the lens: rectangles of one colour each over a share of the image, too near for any depth.
+"""Occlusion: rectangles of one colour each hide a share of the image and have no depth, as objects near the lens do.
 
-Where and how they are follows from `seed`, so that they stay while an episode lasts. Range: 5 to 20 % of the image in
-practitioners' recipes.
+Places, proportions and colours follow from `seed`, so they stay the same during an episode. Range: 5 to 20 % of the
+image in practitioners' recipes.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ class Occlusion(CameraEffect):
     name = "occlusion"
     order = 45
     params = {
-        "area": Param(0.0, 0.0, 0.4, "1", start=0.1, doc="share of the image, less where rectangles overlap"),
-        "count": Param(2.0, 1.0, 8.0, "1", start=2.0, shape=True, doc="rectangles"),
+        "area": Param(0.0, 0.0, 0.4, "1", start=0.1, doc="share of the image; less if rectangles overlap"),
+        "count": Param(2.0, 1.0, 8.0, "1", start=2.0, shape=True, doc="number of rectangles"),
         "seed": seed_param("picks places, proportions and colours"),
     }
 
@@ -38,7 +38,7 @@ class Occlusion(CameraEffect):
 
 @lru_cache(maxsize=1024)  # the same for a whole episode
 def rectangles(area: float, count: int, seed: int, shape: tuple[int, int]) -> list[tuple[tuple[slice, slice], list]]:
-    """Rows, columns and colour of each rectangle: equal areas, sides in proportions from 1:2 to 2:1."""
+    """Return (rows, columns) and colour of each rectangle: equal areas, sides in proportions from 1:2 to 2:1."""
     rng, out = stream(seed, "occlusion"), []
     for _ in range(count):
         aspect = np.exp(rng.uniform(-np.log(2), np.log(2)))

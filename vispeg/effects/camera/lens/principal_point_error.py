@@ -1,8 +1,7 @@
-"""Principal point error: the optical axis meets the image elsewhere than its calibration says.
+"""Principal point error: the optical axis meets the image at another pixel than the calibrated one.
 
-Written to `cam_intrinsic`, whose last two numbers are the principal point's distance from the centre in m on the
-sensor, with the sign that makes the pixel c = size / 2 - principal / pixel. What the user believes of K stays. Range:
-+-3 px.
+Written to the last two numbers of `cam_intrinsic`, the principal point's distance from the centre in m on the sensor,
+with the sign of c = size / 2 - principal / pixel. The calibrated K does not change. Range: +-3 px.
 """
 
 from __future__ import annotations
@@ -18,8 +17,8 @@ class PrincipalPointError(CameraEffect):
     channel = "border"
     writes = frozenset({"cam_intrinsic"})
     params = {
-        "x": Param(0.0, -30.0, 30.0, "px", start=2.0, doc="to the right"),
-        "y": Param(0.0, -30.0, 30.0, "px", start=2.0, doc="downwards"),
+        "x": Param(0.0, -30.0, 30.0, "px", start=2.0, doc="true minus calibrated point, to the right"),
+        "y": Param(0.0, -30.0, 30.0, "px", start=2.0, doc="true minus calibrated point, downwards"),
     }
 
     def write(self, fields, p):

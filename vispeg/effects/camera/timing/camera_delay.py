@@ -1,12 +1,12 @@
-"""Frame latency: what is delivered was seen `delay` seconds ago.
+"""Frame latency: the delivered frame was taken `delay` seconds ago.
 
-Of the frames that were rendered, the one nearest in time to `time - delay`, an earlier one where two are as near;
-when an episode begins, its first. Cameras are exposed, read out and transferred in 20 to 120 ms, so a renderer that
-gives frames far apart in time shows latency in whole steps only.
+Of the rendered frames, the one nearest in time to `time - delay` is delivered; of two equally near ones, the earlier.
+When an episode begins, that is its first frame. Exposure, read-out and transfer take 20 to 120 ms. If frames are
+rendered further apart in time, the latency is a whole number of frames.
 
-A delay below 0 is of recordings: the joint log's clock lags the camera's, so that a picture shows where the arm will be
-read to be in a moment. A renderer has no later frame to give: it delivers the newest, and there the readings lag by the
-effect `sensor_delay`.
+A delay below 0 occurs in recordings: the joint log's clock lags the camera's, so an image shows a pose that the log
+reaches only later. In simulation there is no later frame, so the newest is delivered; use `sensor_delay` there to make
+the joint readings late.
 """
 
 from __future__ import annotations

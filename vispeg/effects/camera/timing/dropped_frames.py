@@ -1,6 +1,6 @@
-"""Dropped frames: now and then the camera's last frame is delivered again.
+"""Dropped frames: a lost frame is replaced by the last one that was delivered.
 
-Each frame is lost with probability `chance`, independently; an episode's first frame never is. Range: 0 to 3 %.
+Each frame is lost with probability `chance`, independently; an episode's first frame is never lost. Range: 0 to 3 %.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Motion blur: light averaged along the line that the image moves while the shutter is open.
+"""Motion blur: light is averaged along the line by which the image moves while the shutter is open.
 
-The line is the sum of `length` in a drawn direction and of what the camera's own motion (v, w) in `exposure` seconds
-moves the centre of the image at the scene's mean 1 / z: du/dt = -fx (vx / z + wy), dv/dt = -fy (vy / z - wx).
-Source of the flow: Longuet-Higgins and Prazdny, The interpretation of a moving retinal image, 1980, at the principal
-point. Ranges: 0 to 3 px in practitioners' recipes; 2 to 20 ms of exposure indoors.
+The line is the sum of two shifts: `length` px in the direction `angle`, and the shift of the image's centre by the
+camera's own motion (v, w) in `exposure` seconds, du/dt = -fx (vx / z + wy), dv/dt = -fy (vy / z - wx), with the scene's
+mean 1 / z. Source of the flow: Longuet-Higgins and Prazdny, The interpretation of a moving retinal image, 1980, at the
+principal point. Ranges: 0 to 3 px in practitioners' recipes; 2 to 20 ms of exposure indoors.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from vispeg.core.params import Param
 from vispeg.effects.common.disparity import disparity, truth
 from vispeg.effects.common.light import LightEffect
 
-LONGEST = 31.0  # px; a longer line is a smear in which nothing can be seen anyhow
+LONGEST = 31.0  # px; a longer line is shortened to this: nothing could be seen in the image anyhow
 
 
 class MotionBlur(LightEffect):
@@ -26,10 +26,10 @@ class MotionBlur(LightEffect):
     channel = "light"
     order = 54
     params = {
-        "length": Param(0.0, 0.0, 15.0, "px", start=2.0, doc="of the blur along `angle`"),
+        "length": Param(0.0, 0.0, 15.0, "px", start=2.0, doc="length of the blur along `angle`"),
         "exposure": Param(0.0, 0.0, 0.1, "s", start=0.01, doc="exposure time, for the camera's own motion"),
         "angle": Param(
-            0.0, -np.pi, np.pi, "rad", start=0.0, shape=True, doc="direction of `length`, from right to down"
+            0.0, -np.pi, np.pi, "rad", start=0.0, shape=True, doc="direction of `length`: 0 right, pi/2 down"
         ),
     }
 
@@ -49,11 +49,11 @@ class MotionBlur(LightEffect):
         return smear
 
 
-@lru_cache(maxsize=1024)  # a drawn smear is the same for a whole episode
+@lru_cache(maxsize=1024)  # the blur by `length` is the same for a whole episode
 def line_kernel(du: float, dv: float) -> np.ndarray:
-    """Weights (2r + 1, 2r + 1) float32 of sum 1: a straight line of extent (du, dv) px, centred, cut at 31 px.
+    """Return weights (2r + 1, 2r + 1) float32 of sum 1: a centred line of extent (du, dv) px, at most `LONGEST` long.
 
-    The line's points are shared among the four pixels around each, which keeps its centre exact.
+    Each point of the line is shared among the four pixels around it, which keeps the line's centre exact.
     """
     scale = min(1.0, LONGEST / max(float(np.hypot(du, dv)), 1e-9))
     du, dv = du * scale, dv * scale
@@ -71,7 +71,7 @@ def line_kernel(du: float, dv: float) -> np.ndarray:
 
 
 def _flow(frame) -> np.ndarray:
-    """Motion (n, 2) of the image's centre in px/s; without depth, at 1 m."""
+    """Return the motion (n, 2) of the image's centre in px/s, at the mean 1 / z of the image; at 1 m without depth."""
     inverse = np.ones(frame.n)
     if frame.depth is not None:
         for row, z in enumerate(truth(frame)):

@@ -1,10 +1,9 @@
-"""Rolling shutter: the rows of a picture are exposed one after another, from the top down, `readout` seconds in all.
+"""Rolling shutter: the rows of an image are exposed one after another, from the top down, `readout` seconds in all.
 
-A frame's time is that of its middle row, so that a longer read-out is no later picture: row v of H sees the scene
-readout (v / (H - 1) - 1/2) later. What the camera's own motion (v, w) does to a pixel in that time follows from its
-depth z: du/dt = fx (-vx / z + x vz / z + x y wx - (1 + x^2) wy + y wz) and likewise for v, with x, y the pixel's
-normalised coordinates (Longuet-Higgins and Prazdny, The interpretation of a moving retinal image, 1980). Ranges: 5 to
-30 ms of cheap cameras; a global shutter has none.
+A frame's time is that of its middle row: row i of H sees the scene readout (i / (H - 1) - 1/2) later. In that time the
+camera's own motion (v, w) moves a pixel of depth z by du/dt = fx (-vx / z + x vz / z + x y wx - (1 + x^2) wy + y wz)
+and likewise along the other axis, where x, y are the pixel's normalised coordinates (Longuet-Higgins and Prazdny, The
+interpretation of a moving retinal image, 1980). Range: 5 to 30 ms for cheap cameras, 0 for a global shutter.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ class RollingShutter(CameraEffect):
 
 
 def image_flow(frame, row: int) -> np.ndarray:
-    """(H, W, 2) px/s that the camera's own motion moves each pixel of an image; what has no depth is far away."""
+    """Return how fast (H, W, 2) px/s the camera's own motion moves each pixel; without depth it counts as far away."""
     x, y, _ = rays(frame.K[row], frame.shape)
     near = np.zeros(frame.shape, np.float32)
     if frame.depth is not None or frame.truth is not None:
