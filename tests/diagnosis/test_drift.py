@@ -33,7 +33,7 @@ def compared(days, numbers, out, capsys, model="fit/model.yaml"):
 
 def test_a_robot_that_has_not_changed_is_said_not_to(days, tmp_path, capsys):
     record, said = compared(days, (1, 2, 3, 4), tmp_path / "same", capsys)
-    assert "has the robot changed? no: all 2 values are in 4 recordings what the model was identified to" in said
+    assert "has the robot changed? no: all 2 values agree in 4 recordings with the identified model" in said
     assert {row["since"] for row in record["drift"]} == {None}
     for row in record["drift"]:
         truth = {"torque": 1.2, "damping": 4.0}[row["parameter"]]

@@ -102,7 +102,7 @@ def found(recordings: list) -> dict:
 def test_what_is_larger_is_found_and_what_is_smaller_is_not():
     """Recordings of an adequate model, and others with a damping of 0.4 and of 1.5 times what they say."""
     record = found(swung(seed=5))
-    assert record["verdict"] == "adequate" and "not seen if no larger" in sentence(record)
+    assert record["verdict"] == "adequate" and "not detectable up to these sizes" in sentence(record)
     (row,) = [r for r in record["shows_from"] if r["effect"] == "viscous_friction"]
     ends = row["between"]["damping"]
     assert ends is not None

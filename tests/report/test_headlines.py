@@ -120,7 +120,7 @@ def test_every_command_that_a_report_proposes_is_one(run, diagnosis, verdict, co
 
 
 def test_what_comes_next_in_one_sentence(diagnosis):
-    assert words.onward({"next_experiment": None}).startswith("Nothing is left to tell apart.")
+    assert words.onward({"next_experiment": None}).startswith("No rivals are left to distinguish.")
     said = words.onward(diagnosis("ambiguous"))
     assert said.startswith("Record slow triangle on joint4") and said.endswith("by an expected 9.4 sigma.")
     undecided = {

@@ -44,7 +44,7 @@ def test_fall_divides_the_first_by_the_last_and_the_last_by_the_floor():
 def test_an_error_well_below_the_floor_is_no_share_of_it():
     """A floor of contact allows for cross-talk, which a good sensor has not."""
     text = words.fall(_ladder(6e-3, 1.5e-5))
-    assert "which is below the noise floor: 0.100 mrad RMS allows for errors that these recordings have not" in text
+    assert "which is below the noise floor: 0.100 mrad RMS includes errors that these recordings lack" in text
     assert "×" not in text
     assert "0.90 × the noise floor" in words.fall(_ladder(6e-3, 9e-5))
 
@@ -311,7 +311,8 @@ def test_what_could_not_have_been_seen_is_listed_the_least_certain_first():
         {"effect": "contact_stiffness", "where": "peg", "between": {"scale": [0.5, 2.0]}},
     ]
     said = unseen.sentence({"effects": found, "shows_from": rows})
-    assert said.startswith("not seen if no larger: Fixture compliance at fixture (x at any size; z up to 20 µm/N); ")
+    first = "Fixture compliance at fixture (x at any size; z up to 20 µm/N)"
+    assert said.startswith(f"not detectable up to these sizes: {first}; ")
     assert "(fx, fy ±0.50 N)" in said and "(scale 0.50 to 2.0)" in said and "friction" not in said
     assert said.endswith("(grip at any size)"), "what has no size stands last"
     assert unseen.sentence({"effects": found}) == ""

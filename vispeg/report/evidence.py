@@ -24,10 +24,10 @@ class ResidualMap:
     """RMS residual of each joint in bins of one variable, as a multiple of the noise.
 
     Attributes:
-        axis: the variable: speed or load (as a share of the joint's peak), position (rad), phase, time (s) or
-            frequency (Hz).
+        axis: the variable: speed or load (as a share of the joint's peak), position (rad), phase (0 at the lower, 0.5
+            at the upper turning point), time (s) or frequency (Hz).
         edges: (k+1,) bin edges.
-        before, after: (nj, k) with the given and the found model; NaN in bins without data; `after` may be None.
+        before, after: (nj, k) with the given and the identified model; NaN in bins without data; `after` may be None.
     """
 
     axis: str
@@ -48,15 +48,15 @@ class NextMotion:
 
 @dataclass(frozen=True)
 class Choices:
-    """Held-out residuals with m choices of k added effects; the last choice that is no rival has all effects.
+    """Held-out residuals of m models: with some or all of the k effects that were added, and rival models.
 
     Attributes:
         effects: (k,) name and place of each effect.
-        on: (m, k) whether the choice includes the effect.
-        rivals: (m,) name of a rival model; "" for a choice of the effects.
+        on: (m, k) whether the model includes the effect.
+        rivals: (m,) name of a rival model; "" for others, of which the last has all effects.
         error: (m,) held-out RMS error, in the evidence's unit.
         joints: (m, nj) the same for each joint.
-        residuals: for each recording its name, time (p,), s, and measured minus predicted (m, p, nj).
+        residuals: for each recording its name, time (p,), s, and measured minus predicted values (m, p, nj).
     """
 
     effects: tuple[tuple[str, str], ...]

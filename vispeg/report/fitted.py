@@ -19,7 +19,7 @@ from vispeg.report.text.terminal import effects_table, ladder_table
 from vispeg.worlds.model_file import PlacedRecord, without_origin
 from vispeg.worlds.world import World
 
-HOPELESS = 5e5  # chi2, in noise variances: above it most residuals are at the cap for diverged rollouts
+HOPELESS = 5e5  # chi2, in noise variances; above it, most residuals have the value that is set for diverged rollouts
 
 
 class FitRecord(TypedDict):
@@ -50,7 +50,7 @@ def fit_record(
     Args:
         nominal: the given model.
         calibration: the fit.
-        free: numbers of the fitted effects in the fitted world.
+        free: indices of the fitted effects in the fitted world.
         evidence: evidence of the fitted recordings.
         judged: evidence of the held-out recordings, or None.
     """
@@ -93,7 +93,7 @@ def fit_record(
 def fit_summary(record: Mapping[str, Any]) -> list[Block]:
     """Return blocks with errors before and after, values with intervals, and reasons to doubt them."""
     held = record["ladder"][-1]["heldout_error"] is not None
-    said = words.fall(record) if held else "Errors are on the fitted recordings; --validate gives honest ones."
+    said = words.fall(record) if held else "Errors are on the fitted recordings; use --validate for errors on others."
     return [ladder_table(record), Line(said), effects_table(record), *map(Line, doubts(record))]
 
 
@@ -102,14 +102,15 @@ def doubts(record: Mapping[str, Any]) -> list[str]:
     lines = []
     if record["chi2"] >= HOPELESS:
         lines.append(
-            "every rollout left the measured motion: the values mean nothing; start nearer or fit fewer effects"
+            "every rollout diverged from the measured motion, so the values mean nothing; "
+            "start nearer or fit fewer effects"
         )
     if not record["converged"]:
         lines.append("the optimizer stopped before it converged: fit again from OUT/model.yaml")
     lines += [f"at its bound: {name}" for name in record["at_bound"]]
     lines += [f"not determined by these recordings: {name}" for name in record["unidentifiable"]]
     pairs = record["hardly_told_apart"]
-    lines += [f"hardly told apart: {p['a']} and {p['b']} (correlation {p['correlation']:.2f})" for p in pairs]
+    lines += [f"hard to distinguish: {p['a']} and {p['b']} (correlation {p['correlation']:.2f})" for p in pairs]
     costs = [row["chi2"] for row in record["starts"]]
     if len(costs) > 1:
         same = sum(c <= 1.05 * min(costs) + 0.05 for c in costs)

@@ -63,13 +63,13 @@ def source(name: str) -> str:
 
 
 @cache
-def templates(room: str = "vispeg.report") -> Environment:
+def templates(package: str = "vispeg.report") -> Environment:
     """Return the templates of a package; values are escaped unless they are Markup, and a missing value is an error."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup, escape
 
     environment = Environment(
-        loader=PackageLoader(room, "templates"),
+        loader=PackageLoader(package, "templates"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

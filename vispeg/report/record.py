@@ -100,7 +100,10 @@ def load_record(out: Path) -> Record:
 
 
 def _judged(values: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return a fit's record with the errors on the fitted recordings as held-out ones, if nothing was held out."""
+    """Return a fit's record; if nothing was held out, with the errors on the fitted recordings under `heldout_error`.
+
+    `judged` then says so.
+    """
     ladder = rows(values, "ladder")
     if any(number(row.get("heldout_error")) is not None for row in ladder):
         return values
@@ -116,7 +119,7 @@ def _read(path: Path) -> Mapping[str, Any]:
 
 
 def renamed(values: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return a record with current names of keys; older records say room for channel."""
+    """Return a record with the present names of its keys; older records call a channel a room."""
     if "rooms" not in values:
         return values
 

@@ -26,7 +26,7 @@ from vispeg.sim.touch import Touch
 from vispeg.vision.check import CameraCheck
 
 FRAMES, HEIGHT = 4, 150  # frames shown per camera; largest height of a picture, px
-PAPER = 60  # WebP quality of the still picture, of 100
+PAPER = 60  # WebP quality of the still picture for print, of 100
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,12 @@ class Examined:
         name: name of the recording.
         report: findings of `check` on joints and contact.
         cameras: findings on each camera.
-        excited: what effects would change in the pictures.
+        excited: for each camera effect, how much a typical size of it would change the images.
         stated: whether the recording describes the objects in the cell.
         signals: angle, command, speed and torque of the joints; bad readings are a separate array, gaps are bands.
         contact: the wrench over time, with stretches of contact as bands; None without contact data.
-        frames: some pictures of each camera.
-        paper: still picture of all joints, as a `data:` link.
+        frames: some images of each camera.
+        paper: still picture of all joints for print, as a `data:` link.
     """
 
     name: str
@@ -80,7 +80,7 @@ def examined(
         rec: the recording.
         report: findings on joints and contact.
         limits: limits of the joints, if known.
-        pictures: findings on the cameras, and what effects would change in their pictures.
+        pictures: findings on the cameras, and how much effects would change their images.
         touched: the contact along the recording, if known.
         drawing: the PNG made by `vispeg.recordings.checks.plot`.
 

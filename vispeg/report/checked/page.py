@@ -66,7 +66,7 @@ def render(checked: Sequence[Examined], repeats: Sequence[Mapping[str, object]],
     sections = [
         Section("headline", "", "check/headline", _headline(checked)),
         Section("signals", "What was recorded", "check/signals", _signals(checked), SCRIPTS, STYLES),
-        Section("excites", "What the motion can tell", "check/excites", _excites(checked)),
+        Section("excites", "What the motion can identify", "check/excites", _excites(checked)),
     ]
     if any(rec.report.contact is not None for rec in checked):
         section = Section("contact", "Contact", "check/contact", _contact(checked), SCRIPTS, STYLES)
@@ -79,7 +79,7 @@ def render(checked: Sequence[Examined], repeats: Sequence[Mapping[str, object]],
 
 def lines_of(rec: Examined) -> list[str]:
     """Return all warnings on a recording, one sentence each."""
-    unstated = "state `cell:` in recording.yaml to know what these frames tell of their cameras"
+    unstated = "state `cell:` in recording.yaml, so that these frames can show errors of their cameras"
     from_cameras = [line for camera in rec.cameras for line in warnings_of(camera)]
     return [
         *rec.report.warnings,

@@ -15,7 +15,7 @@ from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
 from vispeg.vision.check import CameraCheck, warnings_of
 
-NO_CELL = "state `cell:` in recording.yaml to know what these frames tell of their cameras (`cell: nominal`)"
+NO_CELL = "state `cell:` in recording.yaml (`cell: nominal`), so that these frames can show errors of their cameras"
 
 
 def clock(report: CheckReport) -> str:
@@ -84,8 +84,11 @@ def cameras(checks: Sequence[CameraCheck], excited: Sequence[Excitation]) -> lis
 
 
 def _excited(rows: Sequence[Excitation]) -> Sheet:
-    """Return a table of each effect's change of the pictures at a typical size, with motions that show the others."""
-    heads = Column("changes pictures by", right=True), Column("told from", right=True), Column("not shown: it takes")
+    """Return a table of how much each effect changes the images, and of the motions that effects need that do not show.
+
+    The change is that by a typical size of the effect, beside the smallest change that is detectable.
+    """
+    heads = Column("changes images by", right=True), Column("detectable from", right=True), Column("not shown: needs")
     return Sheet([Column("effect"), *heads], [_effect(x) for x in rows])
 
 
@@ -131,7 +134,7 @@ def camera_blocks(checks: Sequence[CameraCheck], excited: Sequence[Excitation], 
 
     Args:
         checks: findings on each camera.
-        excited: what effects would change in the pictures.
+        excited: how much effects would change the images.
         stated: whether the recording describes the objects in the cell.
     """
     blocks = [block for sheet in cameras(checks, excited) for block in (Line(""), sheet)]

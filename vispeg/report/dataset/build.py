@@ -125,7 +125,7 @@ def _depth(depths: np.ndarray, low: float, high: float) -> Mapping[str, str]:
 
 
 def guard(data: Dataset | Stored) -> Mapping[str, object]:
-    """Return figures on how often a look was drawn again."""
+    """Return figures on how often an episode's look was drawn again because its contrast was too low."""
     redraws = np.array([e.get(f"{OWN}redraws", 0) for e in data.episodes])
     exhausted = sum(bool(e.get(f"{OWN}redraws_exhausted")) for e in data.episodes)
     counts = Counter(redraws.tolist())

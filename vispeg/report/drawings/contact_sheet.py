@@ -39,7 +39,7 @@ def draw(world: str = "S", frames: int = FRAMES, seed: int = 0, backend: str = "
 
 
 def moments(plan: Plan, layout: Layout, wanted: Shard) -> Iterator[Episode]:
-    """Play a few episodes, and yield moments spread over them as episodes of one frame, each with another look."""
+    """Play a few episodes; yield single moments of them, each as an episode of one frame with another look."""
     stage = Stage(plan, layout)
     try:
         played = stage.play([plan.episode_seed(wanted.number, i) for i in range(ROWS)])

@@ -200,7 +200,7 @@ def _rounded(text: str, digits: int) -> str:
 
 
 def thin(time: np.ndarray, values: np.ndarray, most: int = 1500) -> tuple[np.ndarray, np.ndarray]:
-    """Thin (n,) arrays to `most` points that keep the lowest and highest value of every stretch, and gaps as NaN."""
+    """Thin (n,) arrays to `most` points, with the lowest and highest value of every interval, and gaps as NaN."""
     n = len(time)
     if n <= most:
         return time, values

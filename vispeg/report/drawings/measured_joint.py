@@ -68,7 +68,7 @@ def _steps(axis: Any, measured: Joint) -> bool:
     if measured.servo is not None:
         t, s = np.linspace(-0.05, SHOWN, 800), measured.servo
         y = s.gain * step_answer(t - s.delay, s.natural_frequency, s.damping_ratio)
-        axis.plot(t, y, color=AFTER, lw=1.6, label="second order")
+        axis.plot(t, y, color=AFTER, lw=1.6, label="fitted second order")
     axis.set_xlabel("s after the command")
     axis.legend(loc="lower right", fontsize=8)
     return True
@@ -135,7 +135,7 @@ def _coherence(axis: Any, measured: Joint) -> bool:
     if not measured.points:
         return False
     axis.axhspan(0, COHERENT, color=MUTED, alpha=0.12, lw=0)
-    axis.text(0.02, 0.06, f"refused below {COHERENT}", color=MUTED, fontsize=8, transform=axis.transAxes)
+    axis.text(0.02, 0.06, f"not used below {COHERENT}", color=MUTED, fontsize=8, transform=axis.transAxes)
     axis.set_xscale("log")
     axis.set_ylim(0, 1.05)
     axis.set_xlabel("Hz")
@@ -146,7 +146,7 @@ def _friction(axis: Any, measured: Joint) -> bool:
     torque = [s for s in measured.strokes if s.friction is not None]
     if not torque:
         return False
-    inertia = float(str(measured.details.get("loop_inertia_kgm2", 0.0)))  # kg m2; its torque is subtracted
+    inertia = float(str(measured.details.get("loop_inertia_kgm2", 0.0)))  # kg m2, whose torque is subtracted
     heights = [(s.friction or 0.0) - inertia * s.acceleration for s in torque]
     axis.plot([s.speed for s in torque], heights, "o", ms=3.5, color=MEASURED)
     by_name = {q.quantity: q.value for q in measured.results}

@@ -15,7 +15,18 @@ SCRIPTS = ("gap/toggles.js",)
 
 @dataclass(frozen=True)
 class Bar:
-    """A success rate with its 95 % interval, in per cent; `number` is the policy's place in the order."""
+    """A success rate with its 95 % interval, in per cent.
+
+    Attributes:
+        name: name of the policy.
+        number: place of the policy in the order of the page.
+        value, low, high: rate and ends of its interval, per cent.
+        percent: the rate as text.
+        text: rate, interval and number of episodes as text.
+        colour: name of the colour.
+        second: whether it is the second policy of its modality, drawn hatched.
+        home: whether the policy was trained in this world.
+    """
 
     name: str
     number: int
@@ -50,7 +61,7 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     rates = {(r["policy"], r["world"]): r["success"] for r in values["success"] if not r["control"]}
     panels = []
     for world in (w["name"] for w in values["worlds"]):
-        shared = worlds.home_of_all(world, order)  # then the caption says so, and no bar is marked
+        shared = worlds.home_of_all(world, order)  # the caption says so, and no single bar is marked
         rows = [
             bar(p["name"], i, rates[p["name"], world], styles[p["name"]], not shared and world in (p["home"] or ()))
             for i, p in enumerate(order)

@@ -64,7 +64,7 @@ def render(values: Mapping[str, Any], strip: Strip | None = None) -> str:
             "from the same poses, or the arm readings or wrench of a replay. If the robot were one more draw of the "
             "randomized world, the action would move as far as between two draws."
         )
-        sections.append(table_page.table("What its senses tell the policy", heads, rows, note=note))
+        sections.append(table_page.table("Which of the policy's inputs differ", heads, rows, note=note))
     rates = [("robot", values["robot"]), ("simulation, the policy", values["closed"])]
     rates.append(("simulation, the trials' actions", values["open"]))
     if values["failed"] is not None:
@@ -87,7 +87,7 @@ def render(values: Mapping[str, Any], strip: Strip | None = None) -> str:
         for r in values["rules"]
     ]
     if rules:
-        note = "Rules of thumb from the article, not statistical tests. Joints and delay are compared before contact."
+        note = "Rules of thumb of practitioners, not statistical tests. Joints and delay are compared before contact."
         sections.append(table_page.table("Rules", ("rule", "here", "from", "points to"), rules, note=note))
     each = [[t["trial"], t["category"], words.rate(t["closed"]), words.rate(t["open"])] for t in values["trials"]]
     heads = ("trial", "ended by", "the policy from its start", "its actions from its start")
@@ -107,15 +107,16 @@ def _bridge(values: Mapping[str, Any]) -> list[table_page.Section]:
         rows.append(["change, points", words.change(left["cost"])])
         rows += [[f"{j['joint']}, RMS", f"{j['rms']:.2g} {j['unit']}"] for j in left["joints"]]
         note = (
-            f"{left['words']}. The torque that {len(left['recordings'])} recordings' motions lack in the found world, "
-            f"below 8 Hz, in blocks of {left['block_s']:.2g} s, twice its correlation time, put on the joints in the "
-            f"same episodes; {regimes}."
+            f"{left['words']}. In the same episodes, the joints also get the missing torque of "
+            f"{len(left['recordings'])} recordings in the identified world, below 8 Hz, in blocks of "
+            f"{left['block_s']:.2g} s (twice its correlation time); {regimes}."
         )
-        sections.append(table_page.table("What no cause explains, played back", ("", "success"), rows, note=note))
+        sections.append(table_page.table("Effect of the unexplained torque", ("", "success"), rows, note=note))
     rows = [[c["condition"], c["here"], words.met(c["met"])] for c in b["conditions"]]
-    rows += [[f"the article's sign: {s['sign']}", s["here"], "speaks" if s["speaks"] else "silent"] for s in b["signs"]]
+    rows += [[f"sign: {s['sign']}", s["here"], "present" if s["speaks"] else "absent"] for s in b["signs"]]
     note = (
-        f"{b['verdict']}: {b['words']}. It is called unbridgeable only if all conditions are met; signs do not count."
+        f"{b['verdict']}: {b['words']}. The gap is called unbridgeable only if all conditions are met. Signs by which "
+        "practitioners recognise such a gap are shown for comparison and do not count."
     )
     sections.append(table_page.table("Can it be bridged here?", ("condition", "here", ""), rows, note=note))
     rows = [
@@ -129,7 +130,7 @@ def _bridge(values: Mapping[str, Any]) -> list[table_page.Section]:
         ]
         for s in values["steps"]
     ]
-    heads = ("next step", "wins back at most, points", "hours", "of which", "points an hour", "command")
+    heads = ("next step", "wins back at most, points", "hours", "made up of", "points per hour", "command")
     note = "Upper limits: the loss that paired replays attribute to each cause. Hours of human work are as stated."
     sections.append(table_page.table("What to do next", heads, rows, note=note))
     return sections
@@ -154,9 +155,9 @@ def _story(values: Mapping[str, Any], strip: Strip | None) -> list[table_page.Se
     asked = [["robot", _offset(m["robot_mm"])], [f"simulation's {m['sense']}", _offset(m["simulated_mm"])]]
     text, drawn = "", ""
     if strip is not None:
-        text = "Above what the robot's camera saw, below simulation at the same joints; framed: the moment."
+        text = "Above: the robot's camera; below: simulation at the same joint angles. The frame marks this step."
         drawn = chart(lambda shape: _strip(strip, shape), "strip", "Pictures of the robot and of simulation")
-    head = f"{m['trial']}, {m['time_s']:.2f} s: the {m['sense']} part here"
+    head = f"Where the {m['sense']} differ most: {m['trial']}, {m['time_s']:.2f} s"
     return [
         table_page.table(head, ("on", "the policy asks for, mm in the base's axes"), asked, picture=drawn, caption=text)
     ]

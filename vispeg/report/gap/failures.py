@@ -30,7 +30,7 @@ def _counts(side: Mapping[str, int], n: int) -> str:
 
 
 def picture(values: Mapping[str, Any]) -> str:
-    """Draw the shares of failure categories as stacked bars: one panel per policy, one bar per world."""
+    """Draw the share of each failure category as stacked bars: one panel per policy, one bar per world."""
     return chart(lambda shape: _figure(values, shape), "failures", "Failure categories by policy and world")
 
 

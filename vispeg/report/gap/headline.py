@@ -72,7 +72,7 @@ def _evaluation(values: Mapping[str, Any]) -> str:
 
 
 def _dearest(values: Mapping[str, Any], policy: str) -> str:
-    """Return the costs of the single factors with verdict `different`, the largest first."""
+    """Return in words the cost of each single factor whose verdict is `different`, the largest first."""
     for row in values["attribution"]:
         if row["policy"] == policy:
             parts = [(f, row["parts"][f]) for f in values["factors"] if row["verdict"][f] == "different"]

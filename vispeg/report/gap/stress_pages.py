@@ -14,20 +14,20 @@ from vispeg.report.text import effect_words
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-STEP = 0.16  # s, the policy's period
+STEP = 0.16  # s between two actions of the policy
 
 
 def sensitivity_page(values: Mapping[str, Any]) -> str:
     """Return the page of a `vispeg-sensitivity/1` record."""
     lines = [f"{_title(s)}, {c['policy']}: {c['words']}" for s in values["sweeps"] for c in s["curves"]]
-    sections = [table_page.title("How far off may it be", lines)]
+    sections = [table_page.title("How far off may a parameter be", lines)]
     for i, sweep in enumerate(values["sweeps"]):
         heads = (_axis(sweep), *(c["policy"] for c in sweep["curves"]))
         points = [p["value"] for p in sweep["curves"][0]["points"]]
         rows = [[f"{v:g}", *(_cell(c["points"][j]) for c in sweep["curves"])] for j, v in enumerate(points)]
         text = (
-            "Lines: success on the same seeds at every value. Bands: 95 % intervals, each value by itself, not of the "
-            "curve. Dashed: nothing changed."
+            "Lines: success on the same seeds at every value. Bands: 95 % intervals of single values, not of the whole "
+            "curve. Dashed: the value without the effect."
         )
         note = "lower: below the success at the dashed value, after Holm's correction over all values of this page."
         picture = curves(sweep, f"sweep{i}")
@@ -87,14 +87,14 @@ def exploit_page(values: Mapping[str, Any]) -> str:
         f"Equal: the interval lies within {100 * values['margin']:.0f} points. Holm: after "
         "the correction over all tests of this page: exact tests of success, Mann-Whitney's of peak forces."
     )
-    sections = [table_page.title("Does success rest on the solver?", lines)]
+    sections = [table_page.title("Does success depend on the contact solver?", lines)]
     sections.append(table_page.table("Success", heads, rows, note=note))
     text = "Contact force since first contact: median and quartiles over the episodes that got there."
     picture = profiles(values)
     steps = [
         [r["policy"], k, f"{s['successes']} of {s['n']}"] for r in values["policies"] for k, s in r["substeps"].items()
     ]
-    heads = ("policy", "physics steps a control period", "success")
+    heads = ("policy", "physics steps per control period", "success")
     sections.append(table_page.table("Force", heads, steps, picture=picture, caption=text))
     return page("vispeg exploit", "exploitation test", [*sections, table_page.origin(values)])
 
@@ -138,14 +138,14 @@ def perturb_page(values: Mapping[str, Any]) -> str:
         sections.append(table_page.table(policy, heads, cells, picture=positions(rows, f"positions{i}")))
     low, high = values["force"]
     text = f"Pushes of {low:g} to {high:g} N for {values['duration']:g} s, from any side, once an episode"
-    sections.append(table_page.table("When a difference is one", (), (), note=values["rule"]))
+    sections.append(table_page.table("When a difference counts", (), (), note=values["rule"]))
     return page(
         "vispeg perturb", "perturbations", [table_page.title(text, lines), *sections, table_page.origin(values)]
     )
 
 
 def _weakest(rows: list[Any]) -> str:
-    """Return the positions with the lowest success without pushes, in words; none is named if all are equal."""
+    """Return in words the positions with the lowest success without pushes; no position is named if all are equal."""
     worst = min(rows, key=lambda r: r["still"]["value"])["still"]
     there = [r["position"] for r in rows if r["still"]["value"] == worst["value"]]
     if len(there) == len(rows) > 1:

@@ -57,10 +57,10 @@ def picture(values: Mapping[str, Any]) -> str:
 
 def figure(values: Mapping[str, Any], shape: Shape) -> Figure:
     """Draw one bar per policy with its 95 % interval, grouped by world; a narrow figure stacks the groups."""
-    return (_lying if shape.narrow else _standing)(values, shape)
+    return (_horizontal if shape.narrow else _vertical)(values, shape)
 
 
-def _standing(values: Mapping[str, Any], shape: Shape) -> Figure:
+def _vertical(values: Mapping[str, Any], shape: Shape) -> Figure:
     names, policies = [w["name"] for w in values["worlds"]], ordered(values["policies"])
     styles, rates = of_policies(policies), _rates(values)
     width = 0.82 / len(policies)
@@ -86,7 +86,7 @@ def _standing(values: Mapping[str, Any], shape: Shape) -> Figure:
     return figure
 
 
-def _lying(values: Mapping[str, Any], shape: Shape) -> Figure:
+def _horizontal(values: Mapping[str, Any], shape: Shape) -> Figure:
     names, policies = [w["name"] for w in values["worlds"]], ordered(values["policies"])
     styles, rates = of_policies(policies), _rates(values)
     figure = new_figure(0.3 + len(names) * (0.45 + 0.2 * len(policies)), shape.width)

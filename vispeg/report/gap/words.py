@@ -86,7 +86,7 @@ def role(policy: Row) -> str:
 
 
 def conclusion(row: Row) -> str:
-    """Return what the episodes of a row of `success` can resolve, and how many are needed for 5 points."""
+    """Return a row of `success` in words, and the number of episodes that determine it to 5 points, if known."""
     more = f"; to tell it within 5 points takes up to {row['needed']} episodes" if row.get("needed") else ""
     return f"{name(row)}: {row['words']}{more}"
 

@@ -10,14 +10,14 @@ HIDDEN = 3  # geom groups from this on are collision shapes and markers
 
 
 def visible(model: mujoco.MjModel) -> list[int]:
-    """Return the geoms to draw; in a body that has shapes for display only, just those."""
+    """Return the geoms to draw: in a body with shapes that are for display only, those; in other bodies all."""
     clear = (model.geom_rgba[:, 3] == 0) & (model.geom_matid < 0)
     drawn = (model.geom_group < HIDDEN) & ~clear
     collides = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
-    dressed = np.zeros(model.nbody, bool)
-    dressed[model.geom_bodyid[drawn & ~collides]] = True
-    dressed[0] = False  # shapes of the world body belong to different objects
-    return [int(g) for g in np.flatnonzero(drawn & ~(collides & dressed[model.geom_bodyid]))]
+    for_display = np.zeros(model.nbody, bool)  # bodies with shapes that do not collide
+    for_display[model.geom_bodyid[drawn & ~collides]] = True
+    for_display[0] = False  # shapes of the world body belong to different objects
+    return [int(g) for g in np.flatnonzero(drawn & ~(collides & for_display[model.geom_bodyid]))]
 
 
 def skeleton(model: mujoco.MjModel) -> list[tuple[int, np.ndarray, np.ndarray]]:
@@ -29,8 +29,8 @@ def skeleton(model: mujoco.MjModel) -> list[tuple[int, np.ndarray, np.ndarray]]:
     from trimesh import creation
     from trimesh.transformations import rotation_matrix
 
-    dressed = {int(model.body_weldid[model.geom_bodyid[g]]) for g in visible(model)}
-    bare = [b for b in range(1, model.nbody) if model.body_weldid[b] == b and b not in dressed]
+    shaped = {int(model.body_weldid[model.geom_bodyid[g]]) for g in visible(model)}
+    bare = [b for b in range(1, model.nbody) if model.body_weldid[b] == b and b not in shaped]
     if not bare:
         return []
     data = mujoco.MjData(model)
@@ -107,7 +107,7 @@ def shape_of(model: mujoco.MjModel, g: int) -> tuple[np.ndarray, np.ndarray] | N
 def simplified(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Simplify a mesh to at most `most` faces: vertices in one cell of a grid are merged at their mean.
 
-    The cells grow until there are few enough faces; collapsed faces are dropped (Rossignac and Borrel,
+    The cells grow until no more than `most` faces are left; collapsed faces are dropped (Rossignac and Borrel,
     "Multi-resolution 3D approximations for rendering complex scenes", 1993).
     """
     if len(faces) <= most:

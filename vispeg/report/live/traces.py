@@ -110,7 +110,7 @@ def coded(values: np.ndarray) -> dict[str, object]:
 
 
 def thinned(values: np.ndarray, most: int) -> np.ndarray:
-    """Thin (n, k) to at most `most` rows that keep the lowest and highest value of every stretch, in order."""
+    """Thin (n, k) to at most `most` rows, with the lowest and highest value of every interval, in order."""
     n = len(values)
     if n <= most:
         return values
@@ -124,7 +124,7 @@ def thinned(values: np.ndarray, most: int) -> np.ndarray:
 
 
 def thinned_time(time: np.ndarray, most: int) -> np.ndarray:
-    """Thin times (n,) to match the rows of `thinned`: two per stretch, evenly spaced."""
+    """Thin times (n,) to match the rows of `thinned`: two per interval, evenly spaced."""
     n = len(time)
     if n <= most:
         return time

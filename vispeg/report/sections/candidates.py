@@ -1,4 +1,4 @@
-"""The section on candidates: what was tried, its gain on held-out data, and why it was refused."""
+"""The section on candidates: effects that were tried, their gain on held-out data, and why each was refused."""
 
 from __future__ import annotations
 

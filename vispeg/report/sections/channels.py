@@ -19,7 +19,7 @@ def context(record: Record) -> Mapping[str, object] | None:
 
 
 def channel_row(said: Mapping[str, Any]) -> dict[str, str]:
-    """Return one channel's verdict, held-out errors, noise floor, named effects, and effects from other channels."""
+    """Return a channel's verdict, held-out errors, noise floor, named effects, and those taken from other channels."""
     record = said.get("record") or {}
     before, after, unit = words.ladder_ends(record)
     floor = record.get("noise_floor") or {}

@@ -8,11 +8,11 @@ from vispeg.report.record import Record
 from vispeg.report.text import words
 from vispeg.report.text.quantities import number, plain
 
-TITLE = "What cannot be told apart"
+TITLE = "What cannot be distinguished"
 
 
 def context(record: Record) -> Mapping[str, object]:
-    """Return the classes of indistinguishable effects, chosen member first, and the proposed experiment."""
+    """Return the classes of indistinguishable effects, each with the member in the model first, and an experiment."""
     following = record.mapping("next_experiment")
     sigma = number(following.get("expected_separation_sigma"))
     return {

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from vispeg.report.fitted import doubts
 from vispeg.report.record import Record
 
-TITLE = "What to doubt"
+TITLE = "Reasons for doubt"
 
 
 def context(record: Record) -> Mapping[str, object] | None:

@@ -1,4 +1,4 @@
-"""The section on drift: each identified value in every recording, beside its interval from the identification."""
+"""The section on drift: each identified value in every recording, compared with its interval from identification."""
 
 from __future__ import annotations
 

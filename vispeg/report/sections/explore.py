@@ -14,7 +14,7 @@ from vispeg.report.text.quantities import PREFIXED, quantity
 TITLE = "Try it: the model's error"
 SCRIPTS = ("vendored/uPlot.js", "charts.js", "explore.js")
 STYLES = CHART_STYLES
-SHARE = 0.05  # of the largest residual; joints below it are hidden at first
+SHARE = 0.05  # share of the largest residual below which joints are hidden at first
 
 
 def context(record: Record) -> dict[str, object] | None:

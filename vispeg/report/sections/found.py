@@ -15,7 +15,7 @@ from vispeg.report.text import effect_words, words
 from vispeg.report.text.quantities import number, plain, prefix, scaled
 
 TITLE = "What was found"
-STRONG = 0.9
+STRONG = 0.9  # smallest correlation of two estimates that is called strong
 MOST_OPEN = 4  # effects whose tables are expanded
 AT_BOUND = "at a bound: the true value may lie beyond"
 
@@ -42,13 +42,13 @@ def effect_rows(record: Record) -> list[dict[str, str]]:
 
 
 def sure(effect: Mapping[str, Any]) -> str:
-    """Return the certainty of an effect: `named`, `tentative`, or `1 of 3` if others explain the recordings too."""
+    """Return the certainty of an effect: `named`, `tentative`, or `1 of 3` if two others explain the data as well."""
     others = len(rows(effect, "indistinguishable_from"))
     return "tentative" if effect.get("tentative") else f"1 of {others + 1}" if others else "named"
 
 
 def in_part(record: Record, effect: Mapping[str, Any]) -> bool:
-    """Return whether an effect is partial: accepted, with a residual left. Old records list those separately."""
+    """Return whether an effect is partial: accepted although a residual remains. Old records list these separately."""
     return bool(effect.get("partial")) or effect in record.rows("partial")
 
 
@@ -66,7 +66,7 @@ def _fitted(p: Mapping[str, Any]) -> bool:
 
 
 def _at_null(name: str, param: str, p: Mapping[str, Any]) -> bool:
-    """Return whether a value is the null value; among fitted values, it then was not fitted."""
+    """Return whether a value is the null value: if other parameters were fitted, this one was not."""
     bounds = bounds_of(name, param)
     return bounds is not None and number(p.get("value")) == bounds.null
 
@@ -114,7 +114,7 @@ def remark(value: float | None, low: float | None, high: float | None, param: Pa
 
 
 class Correlations(TypedDict):
-    """Rows of (text, colour) of a matrix, and pairs of labels with a strong correlation, as text."""
+    """Names of parameters, rows of (text, colour) of their correlations, and strong pairs (label, label, text)."""
 
     labels: list[str]
     rows: list[list[tuple[str, str]]]
@@ -122,7 +122,7 @@ class Correlations(TypedDict):
 
 
 def correlations(record: Record) -> Correlations:
-    """Return the correlation matrix as rows of (text, colour), and the pairs that the data hardly separate."""
+    """Return the correlations of a record; all lists are empty without a valid matrix."""
     section = record.mapping("correlations")
     names = [str(name) for name in section.get("labels") or []]
     cells = [[number(v) for v in row] for row in section.get("matrix") or [] if isinstance(row, list)]

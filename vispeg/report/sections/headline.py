@@ -1,4 +1,4 @@
-"""The headline section: the verdict in words, the errors of the models in turn, and the effects that were found."""
+"""The headline section: the verdict in words, the error of each model, and the effects that were found."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def _marks(record: Record) -> list[dict[str, str]]:
             continue
         x, y = places.get(str(effect.get("where"))) or (None, None)
         if x is not None and y is not None:
-            while (x, y) in taken:  # two effects in one joint are placed side by side
+            while (x, y) in taken:  # marks of two effects in one joint are placed side by side
                 x += 0.045
             taken.add((x, y))
             marks.append({"words": effect_words.sized(effect), "x": f"{100 * x:.1f}", "y": f"{100 * y:.1f}"})

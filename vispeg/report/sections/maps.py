@@ -16,7 +16,7 @@ from vispeg.report.text.quantities import fold, plain
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-TITLE = "Where the residual lives"
+TITLE = "Where the residual arises"
 LABELS = {
     "speed": "speed (share of the joint's peak)",
     "load": "load (share of the joint's peak)",
@@ -82,7 +82,7 @@ def _figure(maps: list[ResidualMap], joints: tuple[str, ...], shape: Shape) -> F
     bar = figure.colorbar(
         ScalarMappable(norm, colours), ax=grid, location="top", aspect=8 * shape.width, pad=0.02, extend="neither"
     )
-    bar.set_label("RMS missed, in multiples of the noise")
+    bar.set_label("RMS residual, in multiples of the noise")
     named = [v for v in levels if f"{v:e}"[0] in ("1" if shape.narrow else "125") and f"{v:e}"[2] == "0"]
     bar.set_ticks(named, labels=[f"{v:g}" for v in named])
     bar.ax.tick_params(length=0, which="both")
@@ -123,7 +123,7 @@ def _edges(residual: ResidualMap) -> np.ndarray:
 
 def _worst(values: np.ndarray, residual: ResidualMap, joints: tuple[str, ...]) -> str:
     if not np.isfinite(values).any():
-        return "nothing known"
+        return "not known"
     j, i = np.unravel_index(int(np.nanargmax(values)), values.shape)
     low, high = (plain(edge, 2) for edge in _edges(residual)[i : i + 2])
     label = LABELS[residual.axis] if residual.axis != "phase" else ""

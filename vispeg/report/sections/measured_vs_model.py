@@ -27,8 +27,8 @@ SCRIPTS = (*CHARTS, *arm.SCRIPTS)
 __all__ = ["SCRIPTS", "STYLES", "TITLE", "context"]
 MOST_TRACES, MOST_TRACKS = 3, 8  # traces drawn in print; tracks to choose from on screen
 POINTS, NARROW_POINTS = 20_000, 160  # in print: in total, and per line on a narrow page
-SHARE = 0.15  # of the worst joint's residual: joints below it are collapsed at first
-SHOWN, LARGEST = 0.3, 500  # largest joint error is magnified to SHOWN rad on the page, at most LARGEST times
+SHARE = 0.15  # share of the worst joint's residual below which joints are hidden at first
+SHOWN, LARGEST = 0.3, 500  # the largest joint error is magnified to SHOWN rad on the page, at most LARGEST times
 
 WHAT = {"rad": "motion", "px": "motion", "N m": "torque", "N": "force"}  # unit of a trace -> quantity in words
 
@@ -75,7 +75,7 @@ def _worst_first(record: Record) -> list[Trace]:
 
 
 def _arrays(trace: Trace | None, of: str = "") -> dict[str, np.ndarray]:
-    """Return the measured values and each model's residuals; residuals have their own scale, so they stay exact."""
+    """Return the measured values and each model's residuals, which are encoded separately so that they stay exact."""
     if trace is None:
         return {}
     arrays = {f"measured{of}": trace.measured, f"before{of}": trace.measured - trace.before}
@@ -97,7 +97,7 @@ def _panels(unit: str, of: str, last: str) -> tuple[Panel, Panel]:
 
 
 def trace_title(trace: Trace, joints: tuple[str, ...]) -> str:
-    """Return a sentence on the change of a recording's residual, in all and at the joint that is worst in the end."""
+    """Return a sentence on the change of a recording's residual, and on the joint with the largest residual left."""
     before, final = rms(trace.before - trace.measured), _final(trace)
     if before is None or final is None:
         return f"{trace.name}: no residual (the model has no finite prediction)"
@@ -123,7 +123,7 @@ def trace_picture(trace: Trace, joints: tuple[str, ...], name: str, points: int 
 
 
 def trace_figure(trace: Trace, joints: tuple[str, ...], points: int, shape: Shape) -> Figure:
-    """Draw measured values and both models on the left, their residuals on the right, one row per joint or axis."""
+    """Draw measured values and both models on the left, the models' residuals on the right, a row per joint or axis."""
     n, columns = len(joints), 1 if shape.narrow else 2
     figure = new_figure(0.75 + 1.84 * n / columns, shape.width)
     grid = figure.subplots(2 * n // columns, columns, sharex=True, squeeze=False).reshape(n, 2)

@@ -45,7 +45,7 @@ def context(record: Record) -> Mapping[str, object]:
     }
 
 
-BY_HAND = "Let the object go by hand from other heights or onto another part of the table, and record its pose"
+BY_HAND = "Drop the object by hand from other heights or onto another part of the table, and record its pose"
 VALIDATE = "vispeg compare model.yaml --recording NEW-RECORDING --out compared"
 GENERAL = "vispeg diagnose MODEL --recording DIR --recording NEW-RECORDING --validate DIR --out OUT-2"
 
@@ -82,7 +82,7 @@ def motion_picture(motion: NextMotion, evidence: Evidence) -> str:
     chosen = [j for j in chosen if spread[j] > 0 or size[j] > 0]
     if not chosen:
         return ""
-    text = "The proposed motion, and how far the rivals' predictions lie apart"
+    text = "The proposed motion, and the difference between the rivals' predictions"
     return chart(lambda shape: _figure(motion, apart, evidence, chosen, shape), "next", text)
 
 
@@ -102,7 +102,7 @@ def _figure(
             factor, unit = prefix(float(np.nanmax(np.abs(apart[:, j]), initial=0.0)), evidence.unit)
             row[1].axhline(0.0, color=MUTED, linewidth=0.6)
             row[1].plot(*thin(motion.time, factor * apart[:, j]), color=RIVALS[0], linewidth=1.1)
-            row[1].set_title(f"rivals apart ({unit})", color=MUTED, pad=3)
+            row[1].set_title(f"difference of rivals ({unit})", color=MUTED, pad=3)
             row[1].set_title(f"RMS {quantity(rms(apart[:, j]), evidence.unit)}", loc="right", pad=3)
         for ax in row:
             quiet(ax)
@@ -111,6 +111,6 @@ def _figure(
         ax.set_xlabel("time (s)")
     entries = {"command": (MEASURED, "-")}
     if apart is not None:
-        entries["the two rivals' predictions apart"] = (RIVALS[0], "-")
+        entries["difference between the two rivals' predictions"] = (RIVALS[0], "-")
     legend(figure, entries)
     return figure

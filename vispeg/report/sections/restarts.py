@@ -77,7 +77,7 @@ def _figure(record: Record, shape: Shape) -> Figure | None:
         ax.minorticks_off()
     for ax in axes[len(curves) :]:
         ax.set_axis_off()
-    axes[0].set_ylabel("error over its least")
+    axes[0].set_ylabel("error over least error")
     axes[0].legend()
     return figure
 

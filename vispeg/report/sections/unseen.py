@@ -1,4 +1,4 @@
-"""The section on undetectable effects: the sizes below which effects not found may exist all the same."""
+"""The section on undetectable effects: for effects not found, the sizes that these recordings would not show."""
 
 from __future__ import annotations
 

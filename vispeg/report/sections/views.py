@@ -15,7 +15,7 @@ TITLE = "Pictures, measured and rendered"
 SHOWN = 4.0  # factor by which displacements are drawn enlarged
 DARK, LIGHT = (216, 27, 96), (0, 150, 136)  # colours of edges before and after
 LEAST = 0.5  # px, smallest displacement drawn as a line
-ODD = 0.8  # a sensor's figure is shown above this multiple of the usual value
+UNUSUAL = 0.8  # a sensor's figure is shown above this multiple of the usual value
 AWAY = 12.0  # mm, depth difference drawn in full red or blue
 
 
@@ -31,7 +31,7 @@ def context(record: Record) -> Mapping[str, object] | None:
         "maps": _maps(values, arrays),
         "alike": confounded(values),
         "sensor": _sensor(values),
-        "odd": ODD,
+        "unusual": UNUSUAL,
         "channels": record.rows("channels"),
     }
 
@@ -40,7 +40,7 @@ def _sensor(values: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Return the kinds of pictures with unusual sensor figures, and those figures."""
     out = []
     for row in values.get("sensor") or []:
-        figures = [f for f in row["figures"] if max(abs(f["before"]), abs(f["after"])) > ODD]
+        figures = [f for f in row["figures"] if max(abs(f["before"]), abs(f["after"])) > UNUSUAL]
         if figures:
             out.append({"kind": row["kind"], "figures": figures})
     return out
@@ -74,7 +74,7 @@ def _row(arrays: Mapping[str, np.ndarray], name: str) -> Mapping[str, object] | 
 def _drawn(
     measured: np.ndarray, arrays: Mapping[str, np.ndarray], name: str, word: str, colour: tuple[int, int, int]
 ) -> np.ndarray:
-    """Draw each border point's displacement from its edge on the pale measured picture, enlarged `SHOWN` times."""
+    """Draw on the pale measured image a line from each border point to its edge, `SHOWN` times as long."""
     import cv2
 
     scale = max(1, round(640 / measured.shape[1]))
@@ -123,7 +123,7 @@ def _maps(values: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> list[M
             ax.plot(pixels[..., 0].ravel(), pixels[..., 1].ravel(), ".", color=AFTER, ms=2)
             ax.invert_yaxis()
             ax.set_aspect("equal")
-            ax.set_xlabel("px, arrows twice as long")
+            ax.set_xlabel("px; arrows are drawn twice as long")
             quiet(ax)
             return figure
 

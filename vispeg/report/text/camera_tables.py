@@ -42,7 +42,7 @@ def _numbers(results: Mapping[str, Any]) -> list[list[str]]:
 
 
 def _effect(effect: Mapping[str, Any]) -> str:
-    """Return an effect with its value, and the scatter of the board's origin with and without the corrected square."""
+    """Return an effect's value, and the scatter of the board's origin with the corrected and with the given square."""
     (name, v), (before, after) = *effect["params"].items(), effect["board_scatter_mm"]
     value = f"{effect['effect']}({effect['where']}): {name} {v['value']:.3f} [{v['low']:.3f}, {v['high']:.3f}]"
     return (

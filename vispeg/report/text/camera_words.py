@@ -31,8 +31,10 @@ def sentence(camera: Mapping[str, Any]) -> str:
 
 
 def projections(views: Mapping[str, Any]) -> list[str]:
-    """Return a sentence for each camera whose picture is shifted, such as `wrist_wide: the picture is shifted by
-    5.21 px at 0.15 m, 4.80 px at 0.25 m (RMS over the image, 1 sigma 0.03 px)`.
+    """Return a sentence for each camera whose images are shifted.
+
+    For example `wrist_wide: the picture is shifted by 5.21 px at 0.15 m, 4.80 px at 0.25 m (RMS over the image, 1 sigma
+    0.03 px)`.
     """
     out = []
     for camera in dict.fromkeys(str(row["camera"]) for row in rows(views, "projection")):

@@ -33,7 +33,7 @@ def places(kind: Effect, robot: Any) -> str:
 
 
 class ParamEntry(TypedDict):
-    """A parameter of an effect; `null` is None for one that only shapes another."""
+    """A parameter of an effect; `null` is None for a shape parameter, which has no null value."""
 
     unit: str
     low: float

@@ -11,7 +11,7 @@ from vispeg.report.text.quantities import number, plain, quantity
 from vispeg.report.text.words import NEAR_FLOOR, against_floor, change
 
 WHERE: dict[str, str] = dict(zip(REGIMES, ("in free air", "in presses", "in slides", "inside"), strict=False))
-LEAST = 1.2  # smallest ratio of errors before and after that is worth a sentence
+LEAST = 1.2  # smallest ratio of the errors before and after that gets a sentence
 
 
 def phases(values: Mapping[str, Any]) -> str:

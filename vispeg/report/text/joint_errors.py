@@ -9,7 +9,7 @@ from vispeg.report.record import rows
 from vispeg.report.text.quantities import fold, number, quantity
 
 READINGS = {"angle": "angle", "servo": "angle", "torque": "torque", "needed": "torque", "load": "load"}
-FAR = 3.0  # noise floors; a joint above this is named even if all joints together are at the noise floor
+FAR = 3.0  # in noise floors; a joint above this is named even if all joints together are at the noise floor
 
 
 def table(values: Mapping[str, Any]) -> list[dict[str, str]]:
@@ -28,10 +28,13 @@ def table(values: Mapping[str, Any]) -> list[dict[str, str]]:
 
 
 def farthest(values: Mapping[str, Any]) -> str:
-    """Return the joint farthest above its noise floor: `joint6 is left at 32 × its own`; empty if none is far above."""
+    """Return the joint farthest above its noise floor: `joint6 is left at 32 × its own`; empty if none is above `FAR`.
+
+    Only the kind of reading that the record lists first is considered.
+    """
     principal = _of_joints(values)[:1]
-    alike = [row for row in _of_joints(values) if principal and row["channel"] == principal[0]["channel"]]
-    worst = max(alike, key=_times, default=None)
+    same_kind = [row for row in _of_joints(values) if principal and row["channel"] == principal[0]["channel"]]
+    worst = max(same_kind, key=_times, default=None)
     if worst is None or _times(worst) < FAR:
         return ""
     return f"{worst['joint']} is left at {fold(_times(worst))} × its own"

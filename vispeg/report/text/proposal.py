@@ -28,7 +28,7 @@ def likely(proposal: Mapping[str, Any]) -> str:
 
 
 def table(record: Record) -> list[Mapping[str, str]]:
-    """Return rows of effect, size, share of the missing torque, equivalents, and whether the search named it."""
+    """Return rows: effect, size, share of the missing torque, equivalent effects, and whether the search named it."""
     found = {(row.get("effect"), row.get("where")) for row in record.rows("effects")}
     out = []
     for row in rows(record.mapping("proposal"), "effects"):

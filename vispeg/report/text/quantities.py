@@ -57,7 +57,7 @@ def fold(ratio: float) -> str:
 
 
 def interval(value: Any, low: Any, high: Any) -> tuple[str, str]:
-    """Return (value, interval) as text, with as many decimals as keep two digits of the interval's half-width.
+    """Return (value, interval) as text, with the decimals that give the interval's half-width two digits.
 
     Below 1e-4, value and interval have the same power of ten.
     """

@@ -23,7 +23,7 @@ class Unseen:
 
     Attributes:
         effect: its name in words.
-        sizes: parameter values that these recordings would not show: `x, y ±0.50 N; tx ±50 mN m`.
+        sizes: ranges of parameters that these recordings would not show: `x, y ±0.50 N; tx ±50 mN m`.
         share: largest hidden share of a parameter's range; 1 if a parameter would show at no size.
         never: whether none of its parameters would show at any size.
     """
@@ -60,7 +60,7 @@ def sentence(values: Mapping[str, Any]) -> str:
     if not hidden:
         return ""
     more = f"; {len(hidden) - SHOWN} more on the page" if len(hidden) > SHOWN else ""
-    return f"not seen if no larger: {'; '.join(f'{h.effect} ({h.sizes})' for h in hidden[:SHOWN])}{more}"
+    return f"not detectable up to these sizes: {'; '.join(f'{h.effect} ({h.sizes})' for h in hidden[:SHOWN])}{more}"
 
 
 def _between(between: Any, param: Param | None) -> tuple[str, float]:

@@ -14,10 +14,10 @@ from vispeg.report.text.effect_words import named as named_effect
 from vispeg.report.text.effect_words import sized
 from vispeg.report.text.quantities import fold, number, quantity, scaled
 
-NEAR_FLOOR = 1.2  # a held-out error up to this many floors is called "at the noise floor"
+NEAR_FLOOR = 1.2  # a held-out error up to this many noise floors is called "at the noise floor"
 MOST_NAMED = 5  # with more effects, a sentence gives only their number
 BEST = "best of what is known"  # for a model that ends above the noise floor, or began at it
-PARTIAL = "partial: each effect lowers the held-out error, a remainder is left; model.yaml has them, to go on from"
+PARTIAL = "partial: each effect lowers the held-out error, but a residual is left; model.yaml contains them"
 TENTATIVE = "tentative: they lower the error, but each may stand in for another effect"
 MOST_PRICED = 3  # most joints in the command that measures the effect of the residual on a policy
 MOST_RIVALS = 3  # most rivals that a sentence lists
@@ -89,7 +89,7 @@ def fall(values: Mapping[str, Any]) -> str:
 def _beside(joint: str, error: float, floor: float | None, unit: str) -> str:
     """Return `joint` and an error relative to the noise floor; if well below it, with an explanation."""
     if floor is not None and 0 < error < BELOW * floor:
-        return f"{joint}below the noise floor: {quantity(floor, unit)} allows for errors that these recordings have not"
+        return f"{joint}below the noise floor: {quantity(floor, unit)} includes errors that these recordings lack"
     times = against_floor(error, floor)
     return f"{joint}{times}" if times else ""
 
@@ -102,8 +102,8 @@ def drifted(drift: Sequence[Mapping[str, Any]]) -> list[str]:
     recordings = len(drift[0]["now"])
     where = f"{recordings} recordings" if recordings > 1 else "this recording"
     if not outside:
-        count = "its one value is" if len(drift) == 1 else f"all {len(drift)} values are"
-        return [f"has the robot changed? no: {count} in {where} what the model was identified to"]
+        count = "its one value agrees" if len(drift) == 1 else f"all {len(drift)} values agree"
+        return [f"has the robot changed? no: {count} in {where} with the identified model"]
     said = []
     for row in outside:
         then, now = (spread(row["parameter"], part, row["unit"]) for part in (row["then"], row["now"][-1]))
@@ -148,7 +148,7 @@ def verdict(values: Mapping[str, Any]) -> str:
         return _ambiguous(values, there or (_down(values) if down else BEST))
     if kind == "unexplained":
         if only := _shows_in(values):
-            return f"What the model lacks shows in {only} alone: no other recording can judge what it is."
+            return f"The model's error shows only in {only}, so no other recording can test an explanation."
         count = len(_tentative(values))
         parts = [named(names)] if names else []
         parts += [f"{count} tentative effect{'s' if count > 1 else ''}"] if count else []
@@ -213,7 +213,7 @@ def price(values: Mapping[str, Any]) -> str:
 
 
 def rivals(values: Mapping[str, Any]) -> list[list[str]]:
-    """Return the classes of effects that the recordings cannot separate, in words, each with the chosen one first."""
+    """Return in words the classes of effects that the recordings cannot distinguish, the one in the model first."""
     return [
         [sized(effect), *map(named_effect, others)]
         for effect in rows(values, "effects")
@@ -222,8 +222,9 @@ def rivals(values: Mapping[str, Any]) -> list[list[str]]:
 
 
 def combinations(values: Mapping[str, Any]) -> list[list[str]]:
-    """Return sets of named effects, in words, that are all rivals of each other, so that only a combination of them is
-    determined.
+    """Return in words the sets of named effects that are all rivals of each other.
+
+    The recordings determine only a combination of such effects.
     """
     sets: list[list[str]] = []
     for effect in rows(values, "effects"):
@@ -276,9 +277,10 @@ def onward(values: Mapping[str, Any]) -> str:
     following = values.get("next_experiment")
     if not isinstance(following, dict) or not (following.get("motion") or following.get("why")):
         if values.get("verdict") == "unexplained":
-            return "What is left is of no known effect, so no motion is known that would tell more of it."
+            return "No known effect explains the residual, so no motion can be proposed that would show its cause."
         return (
-            "Nothing is left to tell apart. A recording of another motion would show whether the model holds there too."
+            "No rivals are left to distinguish. A recording of another motion would show whether the model holds there "
+            "too."
         )
     motion, why = str(following.get("motion") or ""), str(following.get("why") or "").rstrip(".")
     sigma = number(following.get("expected_separation_sigma"))
@@ -287,7 +289,7 @@ def onward(values: Mapping[str, Any]) -> str:
 
 
 def _names(values: Mapping[str, Any]) -> list[str]:
-    """Return the named effects with sizes; each class of competing partial effects once, no tentative ones."""
+    """Return the named effects with sizes, not tentative ones; a class of competing partial effects is one entry."""
     listed = rows(values, "effects") or rows(values, "partial")
     names: dict[frozenset[str], str] = {}
     for effect in (e for e in listed if not e.get("tentative")):
@@ -306,7 +308,7 @@ def _tentative(values: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def _down(values: Mapping[str, Any]) -> str:
-    """Return `down to the noise floor`, with the joint that is far above its own noise floor, if one is."""
+    """Return `down to the noise floor`, and the joint that is far above its own noise floor, if there is one."""
     far = joint_errors.farthest(values)
     return f"down to the noise floor of all joints together ({far})" if far else "down to the noise floor"
 
@@ -341,10 +343,10 @@ def _ambiguous(values: Mapping[str, Any], reach: str) -> str:
     either = [f"a combination of {join(some)}" for some in sets]
     either += [f"{'either ' if len(c) == 2 else 'one of '}{join(c, 'or')}" for c in classes]
     who = "; and ".join(either)
-    untold = ["the members of a combination from each other"] if sets else []
-    untold += ["which"] if classes else []
+    untold = ["tell the members of a combination from each other"] if sets else []
+    untold += ["tell which"] if classes else []
     text = f"{who[0].upper()}{who[1:]} explains the held-out recordings {reach}{beside}"
-    return f"{text}; these recordings cannot tell {' or '.join(untold)}."
+    return f"{text}; these recordings cannot {' or '.join(untold)}."
 
 
 def _depends(values: Mapping[str, Any]) -> str:
