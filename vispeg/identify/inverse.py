@@ -36,7 +36,7 @@ from vispeg.worlds.world import World
 
 MOTION_HZ = 8.0  # bandwidth within which the motion's acceleration is reliable
 SAMPLES_HZ = 50.0  # six times that bandwidth: more samples would add no information
-REMEMBERED = 128e6  # bytes of cached torques along motions: 760 minutes of 7 joints, 178 of 30
+REMEMBERED = 128e6  # bytes of cached torques along motions: a minute of 7 joints in 760 worlds
 ENDS = 0.5  # s at both ends of an episode that are not compared: filter transients
 STICK = 0.01  # rad/s over which dry friction changes sign: velocity noise rules out a sharper edge
 STANDS = 3 * STICK  # rad/s, below which a joint may be at rest
@@ -74,6 +74,8 @@ class TorqueEvidence(Evidence):
         self.items = [item for rec, contact in touched for item in _items(rec, sigma, contact)]
         self._ddq = [i.segment.cache["ddq"] for i in self.items]
         self._rigid: dict[tuple[int, str], np.ndarray] = {}
+        worlds = max(1, int(REMEMBERED // max(1, sum(ddq.nbytes for ddq in self._ddq))))
+        self._most = worlds * len(self.items)
 
     @property
     def least_gain(self) -> float:
@@ -141,7 +143,7 @@ class TorqueEvidence(Evidence):
             mass, bias = rigid_body(self.items[i].robot, rigid, seg.q, seg.dq)
             found = np.einsum("nij,nj->ni", mass, self._ddq[i]) + bias
         self._rigid[key] = found  # the latest; the oldest are dropped first
-        while len(self._rigid) > 1 and sum(torque.nbytes for torque in self._rigid.values()) > REMEMBERED:
+        if len(self._rigid) > self._most:
             del self._rigid[next(iter(self._rigid))]
         return found
 
