@@ -56,7 +56,7 @@ def test_a_verdict_says_what_an_allowance_takes():
     assert row["model"] == "given" and all(0 <= row[kind] <= 1 for kind in KINDS)
     verdict = Verdict("adequate", "nothing lowers it")
     most = {"model": "given", "sensor": 0.1, "path": 0.8, "form": 0.0}
-    assert "takes 80 %" in told(verdict, [most]).reason and "0.2 mm" in told(verdict, [most]).reason
+    assert "explain 80 %" in told(verdict, [most]).reason and "0.2 mm" in told(verdict, [most]).reason
     assert told(verdict, [{**most, "path": 0.2}]) == verdict
 
 

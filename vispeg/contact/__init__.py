@@ -1,1 +1,1 @@
-"""Contact comparison: the robot cut at the wrist's force sensor, and the effects visible in its wrench."""
+"""Comparison and diagnosis of contact by the wrench at the wrist; the arm before the force sensor is left out."""

@@ -76,8 +76,8 @@ def _paths(t: Touching, felt: Touch) -> list[tuple[Path, Phases | None]]:
 def _refuse_foreign(t: Touching, paths: Sequence[tuple[Path, Phases | None]]) -> None:
     """Raise UserError if the wrench differs from the tool's weight by more than errors of mass or zero explain.
 
-    It is read at rest in free air. If no episode seems to begin there, the wrench may be in millinewtons, so that
-    noise looks like contact: then the start reads the weight times a thousand.
+    The wrench is read at rest in free air. If no episode seems to begin there, the wrench may be in millinewtons, so
+    that noise looks like contact: then the readings at the start are a thousand times the weight.
     """
     if t.torques is not None:
         return

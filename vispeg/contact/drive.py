@@ -1,4 +1,7 @@
-"""Many worlds' hands driven along one measured path by the measured wrench, in one call of MuJoCo's batch."""
+"""Simulate the hands of many worlds along one measured path under the measured wrench, in one MuJoCo batch.
+
+A hand is the cell without its arm, held to the path by springs (`vispeg.contact.hand`); to drive it is to simulate it.
+"""
 
 from __future__ import annotations
 
@@ -61,15 +64,15 @@ def drive(
 
     Args:
         scene: a hand, see `vispeg.contact.hand`.
-        cell: the cell with its arm, whose contacts are as soft as these shall be.
-        path: measured.
-        worlds: with effects of contact and tool alone.
-        wrench: (nworld, n, 6) what each world takes for the wrench on the tool, flange axes.
-        rest: of the path's samples: those in free air at its start, from which the sensor's zero is taken.
-        windows: of the path's samples, in their order.
-        nthread: of the batch.
-        shift: (nworld, 6) m and rad by which each hand is off its path, in the axes that the hand starts in.
-        way: (nworld, 2, n, 6) by how much its coordinates and their rates are off those of the path, sample by sample.
+        cell: the cell with its arm, from which the softness of contacts is taken.
+        path: the measured path.
+        worlds: worlds with effects of contact and tool alone.
+        wrench: (nworld, n, 6) the wrench on the tool according to each world's sensor, flange axes.
+        rest: samples of the path in free air at its start, from which the sensor's zero is taken.
+        windows: ranges of the path's samples that are simulated, in order.
+        nthread: threads of the batch.
+        shift: (nworld, 6) m and rad, constant offset of each hand from the path, in the axes of the hand's start pose.
+        way: (nworld, 2, n, 6) offset of each hand's coordinates and their rates from those of the path, per sample.
         stands: (nworld,) true force change per newton read; 1 by default.
     """
     batch = hands(scene, cell, path, worlds, nthread)
@@ -91,7 +94,7 @@ def drive(
     applied = np.einsum("nij,wnj->wni", path.jacobian, wrench - zero[:, None])
     correction, went = np.full(wrench.shape, np.nan), place.copy()
     pieces, where = Pieces(batch, batch.model, scene), tip_places(path, cell)
-    for window in windows:  # what is no joint of the hand's own goes on where the last window left it
+    for window in windows:  # joints other than the hand's continue from the last window's end
         qpos[:, :6], qvel[:] = place[:, window.start], 0.0
         qvel[:, :6] = rate[:, window.start]
         for part in stretches(where, window):
@@ -113,8 +116,8 @@ def drive(
 def hands(scene: Scene, cell: Scene, path: Path, worlds: Sequence[World], nthread: int = 1) -> mjb.Batch:
     """Return a batch of hands, one per world, in the frame of a path's start; arguments as for `drive`.
 
-    MuJoCo regularizes a contact by the inverse weights of its bodies, so that without the arm behind it a tool would
-    sink in deeper and creep faster: its bodies are given the weights that they have on the arm. Source: MuJoCo 4.0
+    MuJoCo regularizes a contact by the inverse weights of its bodies. Without the arm behind it, a tool would therefore
+    sink in deeper and creep faster, so its bodies get the inverse weights that they have on the arm. Source: MuJoCo 4.0
     manual, Computation, Constraint solver, Parameters.
     """
     active = activate(scene, [w.only(lambda e: not effect(e.effect).overrides("yields")) for w in worlds])

@@ -26,8 +26,8 @@ from vispeg.recordings.checks import missing
 from vispeg.robots.scene import Scene
 from vispeg.worlds.world import World
 
-SECONDS = 15.0  # s of contact driven, over all recordings
-ROWS = 64  # worlds driven at once
+SECONDS = 15.0  # s of contact that are simulated, over all recordings
+ROWS = 64  # worlds simulated at once
 
 
 class ContactEvidence(Evidence):
@@ -35,7 +35,7 @@ class ContactEvidence(Evidence):
 
     Args:
         touching: recordings, each with its cell.
-        nthread: of the batch.
+        nthread: threads of the simulation.
     """
 
     def __init__(self, touching: Sequence[Touching], *, nthread: int = 1):
@@ -98,13 +98,17 @@ class ContactEvidence(Evidence):
         return RULES.contact_correlated * RULES.contact_tied
 
     def tells(self, difference: np.ndarray) -> np.ndarray:
-        """Ties left out: an effect of contact shows in few blocks, and hardly in most."""
+        """Return whether each block distinguishes two worlds, as small differences do not.
+
+        An effect of contact shows in few blocks, and hardly in most.
+        """
         size = np.abs(difference)
         return size >= max(1.0, RULES.contact_tie * float(size.max(initial=0.0)))
 
     def stretches(self, blocks: np.ndarray) -> np.ndarray:
-        """Return the phase visit that each block begins in, (nblock,): errors of form persist through a visit, so its
-        blocks count as one sample in comparing two worlds.
+        """Return the number of the visit to a phase in which each block begins, (nblock,).
+
+        Errors of form persist through a visit, so its blocks count as one sample in comparing two worlds.
         """
         visits, start = [], 0
         for item in self.items:
@@ -181,7 +185,7 @@ class ContactEvidence(Evidence):
         return out
 
     def residuals_in_part(self, worlds: Sequence[World]) -> list[np.ndarray]:
-        """Return whitened residuals of about one block in `PART`, the others 0, for screening many worlds."""
+        """Return whitened residuals for screening many worlds: of about one block in `PART`, the others 0."""
         per_item = self._simulated(worlds, part=True)
         for item, values, left_out in zip(self.items, per_item, self.left_out, strict=True):
             values[:, left_out] = item.measured[left_out]
@@ -200,8 +204,7 @@ class ContactEvidence(Evidence):
         return answer
 
     def errors(self, worlds: Sequence[World]) -> list[float]:
-        """Return the RMS of measured minus predicted force over the compared blocks, N, as one would read it from a
-        plot.
+        """Return the RMS of measured minus predicted force over the compared blocks, N, for each world.
 
         Unlike the residuals, it includes errors of the sensor's zero and of the path.
         """

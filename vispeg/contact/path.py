@@ -21,7 +21,7 @@ class Path:
     """One episode, resampled to physics steps.
 
     Attributes:
-        step: s.
+        step: physics step, s.
         time: (n,) s since the start of the episode.
         origin, frame: (3,) m and (4,) wxyz, pose of the flange at the start, in the base frame; this is the hand's
             frame.

@@ -20,19 +20,19 @@ LEVER = 0.2  # m, converts rotations of the flange to displacements
 
 @dataclass(frozen=True)
 class Phases:
-    """Blocks.
+    """The blocks of an episode.
 
     Attributes:
         time: (m,) s, middle of each block.
         code: (m,) index into NAMES.
         resting: (m,) bool: at rest in free air at the start, where the sensor's zero is taken.
         rest: the path's samples in these blocks.
-        size: samples a block.
+        size: samples per block.
         speed: (m,) m/s of the tip.
         contact: (m, 6) N, N m: what the surroundings exert on the tool, flange axes and origin.
         near: (m,) bool: touching, or the tip inside the goal, where it may touch with undetectable force.
-        used: (m,) bool: blocks that are driven, and far enough from the start of a window to be independent of it.
-        windows: driven ranges of the path's samples.
+        used: (m,) bool: blocks that are simulated, and far enough from the start of a window to be independent of it.
+        windows: ranges of the path's samples that are simulated.
     """
 
     time: np.ndarray
@@ -87,9 +87,9 @@ class Phases:
 def phases(touch: Touch, path: Path, scene: Scene, block: float) -> Phases | None:
     """Return the phases of a path with contact `touch`; None if it does not begin in free air.
 
-    In free air the wrench is constant at rest, and stays the same when motion begins. So the rest is
-    the first stretch without motion or touch, after which the tool moves before it touches; its reading there is the
-    sensor's zero plus the tool's weight, whatever they are.
+    In free air the wrench is constant at rest, and stays the same when motion begins. So the rest is the first time
+    without motion or touch after which the tool moves before it touches. Its reading there is the sensor's zero plus
+    the tool's weight, whatever they are.
     """
     size = max(1, round(block / path.step))
     m = len(path.time) // size
@@ -110,7 +110,7 @@ def phases(touch: Touch, path: Path, scene: Scene, block: float) -> Phases | Non
     time = (np.arange(m) + 0.5) * size * path.step
     everything = np.ones(m, bool), (slice(0, m * size),)
     middle = np.median(contact.reshape(m, size, 6), axis=1)
-    inside = scene.config.apothem  # of the believed goal; a part of the path in which walls are near
+    inside = scene.config.apothem  # m, from the believed goal's axis to its walls
     over = np.hypot(touch.tip[at, 0], touch.tip[at, 1]) < 2 * inside
     near = (over & (touch.tip[at, 2] < 0)).reshape(m, size).any(axis=1) | touching
     resting = (np.arange(m) >= rest.start) & (np.arange(m) < rest.stop)
@@ -122,7 +122,7 @@ def _rest(touching: np.ndarray, moving: np.ndarray, block: float) -> slice | Non
     """Return the rest before the first touching block (m,); None if it is too short."""
     first = int(np.argmax(touching)) if touching.any() else len(touching)
     for a, b in runs(~(touching | moving)[:first]):
-        # a block aside of what moves: a block is of one kind by most of its samples
+        # one block of margin, since a block counts as still by the median of its samples
         begin, end = a + (a > 0), min(b - 1, a + (a > 0) + round(RULES.rest_most / block))
         if (end - begin) * block >= RULES.rest_least:
             return slice(begin, end)
@@ -132,9 +132,9 @@ def _rest(touching: np.ndarray, moving: np.ndarray, block: float) -> slice | Non
 def _leaves(path: Path, rest: slice, contact: np.ndarray, touching: np.ndarray) -> bool:
     """Return whether a tool leaves its rest (samples) without the force change of a contact there.
 
-    `contact` (n, 6) and `touching` (n,) by samples. Pressed on a surface of stiffness k, it would read another force by
-    k times its way until it is lifted; in free air it reads the same, however heavy it is. Motion within the
-    kinematic error does not count.
+    `contact` (n, 6) and `touching` (n,) are by samples. If the tool were pressed on a surface of stiffness k, its
+    reading would change by k times its displacement until it is lifted off; in free air it stays the same, however
+    heavy the tool is. Motion within the kinematic error does not count.
     """
     if not touching.any():
         return True

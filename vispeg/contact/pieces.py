@@ -21,10 +21,10 @@ from vispeg.effects.common.parts import shapes
 from vispeg.effects.contact.contact_stiffness import scaled
 from vispeg.robots.scene import TOUCHED, UNTOUCHED, Scene
 
-BELOW = 1e-3  # m below the mouth, within which a tip on the top may be measured
+BELOW = 1e-3  # m below the mouth at which a tip that rests on the top may still be measured
 SLIDES, STEADY = 0.01, 0.02  # m/s across; s over which a speed is averaged
 LEAST = 0.03  # smallest share of a contact's damping
-# where a tip is: over the mouth or its rim, below its bevel, on the block and all beside the rim, there and sliding
+# places of a tip: over the mouth or its rim; inside, below the bevel; on the block beside the rim; there and sliding
 OVER, INSIDE, BESIDE, ALONG = range(4)
 
 
@@ -32,7 +32,7 @@ class Pieces:
     """The goal's pieces in a batch of hands. The walls take their contact parameters from the held part.
 
     Args:
-        batch: whose effects are written.
+        batch: the batch, after the effects were written to it.
         model: its nominal model.
         scene: the hand.
     """
@@ -71,9 +71,10 @@ def odds(solimp: np.ndarray) -> np.ndarray:
 def less_damped(solref: np.ndarray, share: np.ndarray) -> np.ndarray:
     """Return contacts (..., 2) of the same stiffness with damping reduced to a `share` (...), at least `LEAST`.
 
-    In MuJoCo's law what slides at v is lifted by `mu v b / k`, for its friction cone is one with the damper's force
-    (Todorov 2014, Convex and analytically-invertible dynamics with contacts, ICRA): 0.1 mm at 60 mm/s in the cell,
-    under which a soft contact would not be felt where it slides. The hand itself is damped.
+    In MuJoCo's contact law a part that slides at speed v is lifted by `mu v b / k` (friction mu, damping b, stiffness
+    k), because friction and the damper's force are coupled (Todorov 2014, Convex and analytically-invertible dynamics
+    with contacts, ICRA). In the cell that is 0.1 mm at 60 mm/s, which would hide a soft contact. The hand's own dampers
+    stay.
     """
     share = np.maximum(share, LEAST)
     return np.stack([solref[..., 0] / share, solref[..., 1] * share], axis=-1)

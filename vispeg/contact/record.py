@@ -24,14 +24,14 @@ from vispeg.sim.compiled import flange_pose
 from vispeg.worlds.world import World
 
 COLUMNS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
-LEAST_SHARE = 0.02
+LEAST_SHARE = 0.02  # smallest share of the residual that is listed
 MOST = 0.5  # share of the remaining error from which a nuisance is mentioned
 ALLOWANCES: dict[str, str] = {
-    "sensor": "what a force sensor may be off by (drift, crosstalk, delay)",
+    "sensor": "usual errors of a force sensor (drift, crosstalk, delay)",
     "path": (
-        f"what kinematics may be off by ({1e3 * RULES.kinematics_place:.1g} mm, {1e3 * RULES.kinematics_turn:.1g} mrad)"
+        f"usual errors of kinematics ({1e3 * RULES.kinematics_place:.1g} mm, {1e3 * RULES.kinematics_turn:.1g} mrad)"
     ),
-    "form": "what no law of contact says (where it sticks, chatters, bears)",
+    "form": "errors that every contact law has (where a part sticks, chatters or bears)",
 }
 
 
@@ -59,7 +59,7 @@ def _rms(judged: ContactEvidence, predicted: Sequence[np.ndarray], world: int, c
 def where_it_fails(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> list[Failure]:
     """Return shares of the squared residual in floors by axis and phase of contact, greatest first.
 
-    The residual is each block's own: whitening over blocks spreads an error of contact over free air.
+    The residual is whitened in each block alone: whitening over blocks would spread an error of contact over free air.
     """
     grid = np.zeros((len(COLUMNS), len(NAMES)))
     for item, y in zip(judged.items, predicted, strict=True):
@@ -134,8 +134,9 @@ def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str
 
 
 def _leaving(code: np.ndarray) -> np.ndarray:
-    """Return blocks of free air next to contact, (m,) bool, which may contain some of it above free air's low noise
-    floor.
+    """Return blocks of free air next to contact, (m,) bool.
+
+    They may contain some contact, which would be large against the low noise floor of free air.
     """
     free = code == NAMES.index("free")
     return free & binary_dilation(~free)
@@ -156,7 +157,7 @@ def told(verdict: Verdict, rows: Sequence[Allowed]) -> Verdict:
     words = ALLOWANCES[kind]
     if share < MOST:
         return verdict
-    text = f"of the error that is left as read {words} takes {100 * share:.0f} %: what is no larger is not seen"
+    text = f"{words} can explain {100 * share:.0f} % of the remaining error, so effects no larger cannot be detected"
     return replace(verdict, reason=f"{verdict.reason}; {text}")
 
 
@@ -169,7 +170,7 @@ def not_excited(
         if not any(np.isfinite(list(least.values()))):
             motions = effect(name).shown_by or ("insert",)
             motion = next((m for m in motions if m not in recorded), motions[0])
-            why = "no size of it changes the wrench enough in these recordings to be told"
+            why = "no size of it changes the wrench detectably in these recordings"
             out.append({"effect": name, "where": where, "why": why, "motion": motion})
     return out
 

@@ -60,8 +60,8 @@ def judged(verdict: Verdict, rests: Sequence[Rest]) -> Verdict:
         return verdict
     where = "held-out" if worst.held_out else "fitted"
     text = (
-        f"in {worst.phase} an error of {floors(worst.mean_square)} × the noise floor remains beyond what the sensor's "
-        f"zero and the path may be off by ({worst.blocks} {where} blocks, up to {floors(worst.bar)} × is chance and "
-        "form), which no known effect explains"
+        f"in {worst.phase} an error of {floors(worst.mean_square)} × the noise floor remains, which neither errors of "
+        f"the sensor's zero and the path nor a known effect explain ({worst.blocks} {where} blocks; up to "
+        f"{floors(worst.bar)} × may be chance or the contact law's own error)"
     )
     return Verdict("unexplained", text, {"depends_on": [], "text": text}, partial=True)

@@ -67,8 +67,9 @@ def diagnose_contact(
     say: Callable[[str], None] = lambda _: None,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Find the effects of contact that `world` lacks; every error in the record is on `held_out`. Partial effects of
-    contact in `world` are refitted.
+    """Find the effects of contact that `world` lacks; every error in the record is on `held_out`.
+
+    Partial effects of contact in `world` are refitted.
 
     Raises:
         UserError: recordings without a wrench, or none that begins in free air.
@@ -85,7 +86,7 @@ def diagnose_contact(
     rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
     errors = judged.errors([world, state.world])
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
-    say("running blows again")
+    say("simulating impacts")
     hit = struck(state.world, fitted, held_out, nthread)
     beside = (*louder(world, evidence.items, judged.items), *hit.effects)
     fitted_world = state.world.add(*beside)

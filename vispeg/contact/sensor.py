@@ -45,7 +45,11 @@ def stands_for(path: Path, scene: Scene, world: World) -> float:
 
 
 def trusted(recordings: Sequence[Recording], read: Sequence[bool]) -> tuple[float, float]:
-    """Return the uncertainty of forces (N) and places (m); a force not `read` by a sensor gives a softer hold."""
+    """Return the uncertainty of forces (N) and of positions (m).
+
+    Only recordings whose wrench was `read` by a sensor count for the force. If there are none, its least value is used,
+    so that softer springs hold the hand.
+    """
     by = [r for r, sensor in zip(recordings, read, strict=True) if sensor]
     force = max([RULES.sensor_least, *(float(r.noise.get("ft", 0.0)) for r in by)])
     place = max([RULES.place_least, *(REACH * float(np.max(noise_of(r)["q"])) for r in recordings)])

@@ -1,4 +1,4 @@
-"""Windows of a long recording: driven are the parts near contact, and some free air spread over time."""
+"""Windows of a long recording that are simulated: the parts near contact, and some free air spread over time."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from vispeg.recordings.regimes import IMPACT
 
 CHUNK, LEAD = 12, 3  # blocks chosen at a time; blocks until a window is independent of its start
 NEAR = 3  # blocks of free air around a contact that show when it begins
-FREE = 2.0  # s of free air that are driven
-PART, PIECE = 3, 12  # for screening, one in PART pieces of PIECE blocks is driven
+FREE = 2.0  # s of free air that are simulated
+PART, PIECE = 3, 12  # for screening, one in PART pieces of PIECE blocks is simulated
 
 
 def thinned(phase: Phases, seconds: float) -> Phases:
@@ -25,7 +25,7 @@ def thinned(phase: Phases, seconds: float) -> Phases:
     close = np.convolve(phase.near, np.ones(2 * NEAR + 1), "same") > 0
     chosen = _spread(close, seconds / block) | _spread(~close, min(FREE, seconds) / block)
     chosen[:first] = False
-    chosen &= phase.code != IMPACT  # known up to some Hz, a path makes another blow of it, in which a grip may slip
+    chosen &= phase.code != IMPACT  # the smoothed path would give another impact, in which the grip may slip
     driven = np.zeros(m, bool)
     used = chosen.copy()
     for start in np.flatnonzero(chosen & ~np.r_[False, chosen[:-1]]):

@@ -53,10 +53,8 @@ def said(rec: Recording, estimate: External) -> str:
     complete = ~np.any(estimate.blind != 0, axis=(1, 2))
     level = np.sqrt(np.mean(estimate.sigma[complete] ** 2, axis=0)) if complete.any() else sigma
     accuracy = ", ".join(f"{axis} {v:.2g}" for axis, v in zip(AXES, level[:3], strict=True))
-    text = f"{rec.name}: no force sensor; the wrench is told from joint torques, whose friction and hysteresis leave it"
-    text += (
-        f" unsure by {accuracy} N along the flange's axes: intervals are wider, and joints are not diagnosed beside it"
-    )
+    text = f"{rec.name}: no force sensor; the wrench is estimated from joint torques. Friction and hysteresis make it"
+    text += f" uncertain by {accuracy} N along the flange's axes: intervals are wider, and joints are not diagnosed too"
     if complete.all():
         return text
     worst = estimate.blind[int(np.argmax(np.abs(estimate.blind).sum(axis=(1, 2))))]
@@ -70,7 +68,7 @@ def _blind(columns: np.ndarray) -> str:
         scaled = column / np.repeat([100.0, 10.0], 3)
         k = int(np.argmax(np.abs(scaled)))
         words.append(f"the {'force' if k < 3 else 'torque about'} {AXES[k % 3]}".replace("force ", "force along "))
-    return f"{' and '.join(dict.fromkeys(words))} is not seen (the arm is near a singularity)"
+    return f"{' and '.join(dict.fromkeys(words))} cannot be observed (the arm is near a singularity)"
 
 
 def notes(pairs: Sequence[tuple[Recording, External | None]]) -> list[str]:

@@ -17,8 +17,9 @@ SENSORS = ("joint", "motor")
 
 
 def felt(recordings: Sequence[Recording]) -> bool:
-    """Return whether a wrench is available in all recordings, measured or to be estimated from joint torques in
-    contact.
+    """Return whether all recordings have a wrench: a measured one, or one that joint torques can estimate.
+
+    Estimates count only if at least one recording without a wrench touches the cell.
 
     Raises:
         UserError: a recording with contact has neither wrench nor joint torques nor frames.

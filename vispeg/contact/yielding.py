@@ -31,11 +31,11 @@ def given_way(item: ContactItem, worlds: Sequence[World], wrench: np.ndarray) ->
 
     Args:
         item: an episode.
-        worlds: with all that a wrench can show.
-        wrench: (nworld, n, 6) N, N m, what each world takes for the wrench on the tool, flange axes.
+        worlds: worlds with the effects that a wrench can show.
+        wrench: (nworld, n, 6) N, N m, wrench on the tool according to each world's sensor, flange axes.
 
     Returns:
-        (nworld, 2, n, 6): the hand's coordinates (m, rad) less the path's, and their rates; None if no world yields.
+        (nworld, 2, n, 6): the hand's coordinates (m, rad) minus the path's, and their rates; None if no world yields.
     """
     soft = [yielding(w) for w in worlds]
     if not any(w.effects for w in soft):

@@ -1,9 +1,9 @@
 """Impacts of a recorded tool: find them, and simulate each in worlds from a state just before it.
 
 The energy lost in an impact shows within hundredths of a second, which a path band-limited to 40 Hz does not resolve.
-So the whole arm is simulated under its recorded controller, from its state a few ms before contact. Compared are the
-impulse and the time of flight until the next contact, both counted from the contact of the simulation or recording
-itself, so that the height need not be known. Unlike the peak force, both are independent of the contact's stiffness.
+So the whole arm is simulated under its recorded controller, from its state a few ms before contact. The impulse and the
+time of flight until the next contact are compared, both counted from contact in the simulation or recording itself, so
+that the height need not be known. Unlike the peak force, both are independent of the contact's stiffness.
 Sources: window restarts as in Acosta, Yang and Posa 2022, Validating robotics simulators on real-world impacts, RA-L
 7(3); restitution from the times between bounces, Bernstein 1977, Listening to the coefficient of restitution, American
 Journal of Physics 45(1).
@@ -74,7 +74,10 @@ def restarts(rec: Recording) -> bool:
 
 
 def blows(rec: Recording, felt: Touch | None = None) -> list[Blow]:
-    """Return the impacts of a recording that `restarts`, except those after a rebound. `felt`: its contact if known."""
+    """Return the impacts of a recording, except those after a rebound; empty if `restarts` says no.
+
+    `felt` is the contact along the recording, if it is known already.
+    """
     if not restarts(rec):
         return []
     cell = recorded_cell(rec)
@@ -116,7 +119,7 @@ def predicted(blow: Blow, worlds: Sequence[World], nthread: int = 1) -> np.ndarr
 def _felt(force: np.ndarray, rate: float, before: int, threshold: float) -> np.ndarray:
     """Return impulse and flight (2,) of a force (n,) minus its value `before` contact; NaN without an impact.
 
-    A tool that does not return counts as flying until the end of the force.
+    A tool that does not touch again counts as flying until the end of `force`.
     """
     above, hit = force - force[:before].mean(), round(HIT * rate)
     touched = np.flatnonzero(np.abs(above) > threshold)
@@ -133,7 +136,7 @@ def _felt(force: np.ndarray, rate: float, before: int, threshold: float) -> np.n
 
 
 def _started(rec: Recording, begin: int, end: int, at: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return angles and rates (nj,) at row `at` of a parabola fitted to the rows between, all in free air."""
+    """Return angles and rates (nj,) at row `at` of a parabola fitted to the rows `begin` to `end` of free air."""
     time = rec.time[begin:end] - rec.time[at]
     curve = np.polynomial.polynomial.polyfit(time, np.nan_to_num(rec.q[begin:end]), 2)
     return curve[0], curve[1]

@@ -35,8 +35,8 @@ def closed_loop(
 
     Args:
         recordings: those in mode osc with stated `outcomes` are simulated, at most `MOST`.
-        models: by name.
-        nthread: of the simulation.
+        models: the models by name.
+        nthread: threads of the simulation.
 
     Returns:
         One entry per episode, with `measured` as its first trial, and messages on episodes that cannot be simulated.
@@ -87,7 +87,7 @@ def _trial(run: Touch, measured: Touch, rate: float, outcome: Outcome) -> Trial:
     """Summarise one run: peak wrist force, time in contact, distance of the tip from the measured one, outcome."""
     n = min(len(run.tip), len(measured.tip))
     before = ~np.logical_or.accumulate(run.touching[:n] | measured.touching[:n])
-    above = before & (measured.tip[:n, 2] > 0)  # of the goal: inside, a tip may be touched with undetectable force
+    above = before & (measured.tip[:n, 2] > 0)  # the goal's mouth; inside, contact may be undetectable
     off = np.linalg.norm(run.tip[:n][above] - measured.tip[:n][above], axis=1)
     out: Trial = {
         "peak_force": float(np.nanmax(run.force)),

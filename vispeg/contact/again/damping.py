@@ -30,7 +30,7 @@ from vispeg.worlds.world import World
 NAME, TWIN = "contact_damping", "restitution"
 SCALES = np.geomspace(0.05, 10.0, 15)
 FINER = 4  # factor of the second, finer grid around the best value
-BESIDE = ("compliance", "friction", "free air")  # stages of other effects that impacts may be due to
+BESIDE = ("compliance", "friction", "free air")  # stages of other effects that may explain impacts
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Struck:
 
     Attributes:
         effects: none, or the damping with its interval.
-        notes: for the user.
+        notes: notes for the user.
         unseen: the effect, if no impact can show it.
     """
 
@@ -52,9 +52,9 @@ def struck(world: World, fitted: Sequence[Recording], held_out: Sequence[Recordi
     """Fit the damping to the impacts of some recordings, and judge it on those of others.
 
     Args:
-        world: with the effects that were found so far.
+        world: the model with the effects that were found so far.
         fitted, held_out: recordings; those with a stated osc controller are simulated.
-        nthread: of the simulation.
+        nthread: threads of the simulation.
     """
     if any(e.effect in (NAME, TWIN) for e in world.effects):
         return Struck()
@@ -66,8 +66,8 @@ def struck(world: World, fitted: Sequence[Recording], held_out: Sequence[Recordi
     scale, low, high, least, none = _fitted(world, where, fit, nthread)
     best = EffectInstance.of(NAME, where, scale=scale)
     before, after = (_off(judge, w, nthread) for w in (world, world.add(best)))
-    count = f"{len(fit)} blows and {len(judge)} held-out ones, run again from just before each"
-    flight = f"the flight after the held-out ones is off by {1e3 * before.rms:.2g} ms RMS"
+    count = f"{len(fit)} impacts and {len(judge)} held-out ones, simulated from just before each"
+    flight = f"the error of the flight after the held-out ones is {1e3 * before.rms:.2g} ms RMS"
     rise = _rise(least, fit)
     if none - least <= rise or within(low, high) or before.square - after.square <= RULES.interval * RULES.blow_hang:
         e = " to ".join(f"{_restitution(scene, where, s):.2g}" for s in (high, low))
@@ -75,7 +75,7 @@ def struck(world: World, fitted: Sequence[Recording], held_out: Sequence[Recordi
         if min(before.square, after.square) > RULES.blows_explained * before.count:
             text = "no damping explains them"
         elif not low <= 1.0 <= high:
-            text += ", which another law of contact explains, too: not named"
+            text += ", which the contact law's own error may also explain: not named"
         return Struck(notes=(f"{count}: {flight}; {text}",))
     rivals = _rivals(world, scene, fit, least + rise, nthread)
     if after.square > RULES.blows_explained * after.count or rivals:
@@ -85,13 +85,13 @@ def struck(world: World, fitted: Sequence[Recording], held_out: Sequence[Recordi
         )
     named = EffectInstance(NAME, where, {"scale": Value(scale, low, high)})
     e = [_restitution(scene, where, s) for s in (scale, high, low)]
-    text = f"{count}: {flight}, {1e3 * after.rms:.2g} ms with {best.label}; it is one number with {TWIN}, here "
+    text = f"{count}: {flight}, {1e3 * after.rms:.2g} ms with {best.label}; this is equivalent to {TWIN} "
     return Struck((named,), (f"{text}e = {e[0]:.2g} [{e[1]:.2g}, {e[2]:.2g}]",))
 
 
 @dataclass(frozen=True)
 class _Off:
-    """Squared whitened residual, number of readings, RMS error of flights in s."""
+    """Error of a world on some impacts: squared whitened residual, number of readings, RMS error of flights in s."""
 
     square: float
     count: int
@@ -146,7 +146,10 @@ def _fitted(world: World, where: str, some: Sequence[Blow], nthread: int) -> tup
 
 
 def _crossing(scales: np.ndarray, values: np.ndarray, level: float, inside: int, outside: int) -> float:
-    """Return the scale at which the squared residual crosses a level, between two; the last if it does not."""
+    """Return the scale at which the squared residual crosses `level`, between the grid points `inside` and `outside`.
+
+    If it is below the level at both, the scale at `inside` is returned.
+    """
     if values[outside] <= level:
         return float(scales[inside])
     share = (level - values[inside]) / (values[outside] - values[inside])

@@ -29,17 +29,17 @@ def judged(
     n_fixed: int,
     threads: int,
 ) -> Verdict:
-    """Change a verdict to `unexplained` if no run of the corrected model comes near the measured one.
+    """Change a verdict to `unexplained` if no simulation of the corrected model comes near the measured insertion.
 
-    The runs are at its values and with one value at either end of its interval.
+    It is simulated at its values, and with each value in turn at either end of its interval.
 
     Args:
-        verdict: from the wrench along the measured path.
+        verdict: the verdict by the wrench along the measured path.
         replayed: result of `closed_loop`, with the corrected model as its last trial.
         held_out: the recordings that it simulated.
         world: the corrected model.
         n_fixed: number of effects given by the user.
-        threads: of the simulation.
+        threads: threads of the simulation.
     """
     if verdict.verdict == "unexplained":
         return verdict

@@ -15,8 +15,9 @@ from vispeg.recordings.checks.quality import runs
 
 
 def bearing(item: ContactItem) -> list[np.ndarray]:
-    """Return, for each sticking press and both axes across the tool, the correction (m, 6) of the hand if its tip bears
-    that far off the axis.
+    """Return the corrections (m, 6) N and N m of the hand if its tip bears off the axis by `bears_aside` radii.
+
+    There is one for each sticking press and each of the two axes across the tool.
     """
     scene, phase, hold = item.source.scene, item.phase, item.springs
     radius, tip = scene.config.diameter / 2, scene.tip

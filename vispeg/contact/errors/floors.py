@@ -1,9 +1,10 @@
 """Noise floor of each phase: the residual of the correct model, from simulated repeats.
 
-A drive of the nominal hand gives a path and a wrench that agree exactly. It is repeated with the recording's noise
-added to both, and the resulting correction is noise, not model error. Added to it are `floor_form`, the effect of
-another integrator and contact law on the correct model, and a share of the chatter of a contact, since impacts that
-the path does not show push one way on average. Further sensor errors are in `vispeg.contact.errors.nuisance`.
+Simulating the nominal hand gives a path and a wrench that agree exactly. The simulation is repeated with the
+recording's noise added to both, and the resulting correction is noise, not model error. Two terms are added to it:
+`floor_form`, the effect of another integrator and contact law on the correct model, and a share of a contact's chatter,
+since impacts that the path does not show push one way on average. Further errors of the sensor are in
+`vispeg.contact.errors.nuisance`.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ LEVER = 0.1  # m, converts torques to forces
 def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
     """Return the expected RMS residual of a correct model in each block, (m, 6) N and N m.
 
-    `once` is the drive of the nominal model.
+    `once` is the result of driving the nominal model along the path.
     """
     path, phase, rec = item.path, item.phase, item.recording
     world = hand_world(item.source.believed, World())
@@ -78,7 +79,7 @@ def wedged(item: ContactItem) -> np.ndarray:
 
 
 def _noisy(place: np.ndarray, time: np.ndarray, clock: np.ndarray, sigma: float, rng) -> tuple[np.ndarray, np.ndarray]:
-    """Return a path (n, 6) on the steps as read with noise at the samples `clock`, and its rate."""
+    """Return a path (n, 6) at the steps `time`, and its rate, as measured at times `clock` with noise `sigma`."""
     sampled = np.stack([np.interp(clock, time, p) for p in place.T], axis=1)
     calm, rate, _ = smooth(clock, sampled + sigma * rng.standard_normal(sampled.shape), PATH_HZ)
     grid = [np.stack([np.interp(time, clock, v) for v in values.T], axis=1) for values in (calm, rate)]
@@ -86,7 +87,5 @@ def _noisy(place: np.ndarray, time: np.ndarray, clock: np.ndarray, sigma: float,
 
 
 def _on_steps(values: np.ndarray, path: Path) -> np.ndarray:
-    """Resample readings (len(path.clock), k) to the steps of a path, (n, k), so that block noise is that of the
-    readings.
-    """
+    """Resample readings (len(path.clock), k) to the steps of a path, (n, k); the noise of block means stays."""
     return np.stack([np.interp(path.time, path.clock, v) for v in values.T], axis=1)

@@ -59,7 +59,8 @@ def louder(world: World, fitted: Sequence[ContactItem], held_out: Sequence[Conta
 def _louder(items: Sequence[ContactItem]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return which channels are louder than stated, (6,) bool, with measured noise, its error, stated noise.
 
-    The three axes of force are decided together, and those of torque, beyond rounding and chance.
+    The three force channels are decided together, and so are the three torque channels. The excess must be larger than
+    rounding and chance explain.
     """
     values = [heard(i) for i in items]
     level = np.sqrt(np.mean([s**2 for s, _ in values], axis=0))

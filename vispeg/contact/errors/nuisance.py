@@ -39,10 +39,10 @@ class Nuisance:
     """Directions of the whitened residual with more uncertainty than its floor.
 
     Attributes:
-        basis: (n, k) orthonormal, over all blocks and channels of one item, or of several one after another.
-        less: (k,) share of the residual along each that is removed.
+        basis: (n, k) orthonormal directions, over all blocks and channels of one item, or of several one after another.
+        less: (k,) share of the residual that is removed along each direction.
         columns: (n, j) columns of A.
-        kinds: (j,) index of `KINDS` of each.
+        kinds: (j,) kind of each column, an index of `KINDS`.
     """
 
     basis: np.ndarray
@@ -52,9 +52,7 @@ class Nuisance:
 
     @classmethod
     def of(cls, columns: np.ndarray, kinds: np.ndarray | None = None) -> Nuisance:
-        """Build from the columns (n, k) of A, each the whitened residual due to one error of its prior standard
-        deviation.
-        """
+        """Build from the columns (n, j) of A: each is the whitened residual due to an error of 1 standard deviation."""
         u, s, _ = np.linalg.svd(columns, full_matrices=False)
         u, s = u[:, s > LEAST], s[s > LEAST]
         kinds = np.zeros(columns.shape[1], int) if kinds is None else kinds
@@ -65,8 +63,10 @@ class Nuisance:
         return Nuisance.of(np.where(rows[:, None], self.columns, 0.0), self.kinds)
 
     def taken(self, residual: np.ndarray) -> dict[str, float]:
-        """Return for each kind of error the share of a squared residual, whitened block by block, that it explains at
-        its most likely size: with `x ~ N(0, I)` and `r = A x + n`, `x = A' (I + A A')^-1 r`.
+        """Return for each kind of error the share of a squared residual that it explains at its most likely size.
+
+        The residual r is whitened block by block. With `x ~ N(0, I)` and `r = A x + n`, the most likely sizes are
+        `x = A' (I + A A')^-1 r`.
         """
         flat, a = residual.ravel(), self.columns
         likely = np.linalg.solve(np.eye(a.shape[1]) + a.T @ a, a.T @ flat)
@@ -187,8 +187,8 @@ def _smooth(places: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[np.ndarray]
         [np.concatenate([p / RULES.kinematics_far, r / RULES.kinematics_twist], axis=1) for p, r in places]
     )
     square = (every**2).sum(axis=1)
-    alike = np.exp(-0.5 * np.maximum(square[:, None] + square[None] - 2 * every @ every.T, 0.0))
-    value, vector = np.linalg.eigh(alike)
+    kernel = np.exp(-0.5 * np.maximum(square[:, None] + square[None] - 2 * every @ every.T, 0.0))
+    value, vector = np.linalg.eigh(kernel)
     some = value > 1e-3 * value[-1]
     return np.split(vector[:, some] * np.sqrt(value[some]), np.cumsum([len(p) for p, _ in places])[:-1])
 
@@ -232,7 +232,7 @@ def _gives(item: ContactItem) -> np.ndarray:
 
 
 def _larger(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return in each block the longer of two responses, (k, m, 6)."""
+    """Return the larger of two responses (k, m, 6), by norm in each block."""
     return np.where((np.linalg.norm(b, axis=2) > np.linalg.norm(a, axis=2))[:, :, None], b, a)
 
 
@@ -275,8 +275,9 @@ def _stuck(item: ContactItem) -> list[np.ndarray]:
 def _chatters(item: ContactItem) -> list[np.ndarray]:
     """Return the wrench of a chattering slide: its impacts push back and up, by a constant share of their size.
 
-    In the model every slide does, however smooth it is: a convex contact parts as it slides (MuJoCo 4.0 manual,
-    Computation, Contact), and a tool whose mass is off its axis then swings aside with every hop: it drags across, too.
+    In the model every slide chatters, however smooth it is: a convex contact opens as it slides (MuJoCo 4.0 manual,
+    Computation, Contact). A tool whose mass is off its axis then swings sideways with every hop, so it also drags
+    across the direction of sliding.
     """
     phase, turn = item.phase, _turn(item)
     slides = (phase.code != NAMES.index("free")) & (phase.speed >= RULES.stuck_speed)

@@ -2,8 +2,8 @@
 
 A rocked part bears on the mouth and, the other way, on the wall at its tip. A sensor reads the difference of the two
 forces; their sum, many times as large, shows in the couple alone: `N1 + N2 = 2 M / h`, `N1 - N2 = F` over a depth h
-(Whitney 1982, Quasi-static assembly of compliantly supported rigid parts, J. Dyn. Sys. Meas. Control 104). Walls of the
-model are as stiff as all of its flat pieces that touch there together, real ones perhaps as one.
+(Whitney 1982, Quasi-static assembly of compliantly supported rigid parts, J. Dyn. Sys. Meas. Control 104). In the model
+a wall is as stiff as all of its flat pieces that touch there together; a real wall may be as stiff as one of them.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def softness(scene: Scene) -> float:
 
 
 def wedging(item: ContactItem) -> np.ndarray:
-    """Return root of `N1^2 + N2^2` of the forces across a wedged part, (m,) N; 0 where it does not wedge."""
+    """Return the root of `N1^2 + N2^2` of the forces across a wedged part, (m,) N; 0 where it does not wedge."""
     scene, contact = item.source.scene, item.phase.contact
     tip = tips(item.path, scene)[item.phase.rows(item.path.time)]
     depth, over = -tip[:, 2], np.hypot(tip[:, 0], tip[:, 1]) < 2 * scene.config.apothem

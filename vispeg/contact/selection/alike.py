@@ -1,4 +1,4 @@
-"""Give near-confounded competitors the same parameters as the chosen effect before they are judged worse.
+"""Give competitors that are nearly confounded with the chosen effect its free parameters before they are judged worse.
 
 Screening tests the sizes of each parameter separately and frees the promising ones. It may free a parameter of one
 effect and not of a similar one: a grip compliant along x alone cannot compete with a fixture compliant along x and y.
@@ -30,14 +30,14 @@ def lacking(placed: EffectInstance, rival: EffectInstance) -> set[str]:
 
 
 def freed(search: ContactSearching, placed: EffectInstance, rival: EffectInstance) -> bool:
-    """Free in fits the parameters that a competitor lacks; return whether it lacks any."""
+    """Let fits free the parameters that a competitor lacks (see `lacking`); return whether it lacks any."""
     names = {(rival.effect, name) for name in lacking(placed, rival)}
     search.evidence.absent = search.evidence.absent - names
     return bool(names)
 
 
 def refitted(search: ContactSearching, state: State, n_fixed: int) -> None:
-    """Refit the competitors of the only effect that lacked one of its parameters, and fit those that were not tried."""
+    """Refit competitors of a single added effect that lacked one of its parameters, and fit those not tried before."""
     chosen = state.world.effects[n_fixed:]
     if len(chosen) != 1 or len(state.steps) != 1:
         return

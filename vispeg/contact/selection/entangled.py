@@ -1,9 +1,8 @@
-"""Practical non-identifiability: effects determined only in combination, e.g. heavier tool, heavier part, weaker
-sensor.
+"""Practical non-identifiability: effects determined only in combination, such as a heavier tool and a weaker sensor.
 
-The information matrix of a fit, scaled to a diagonal of ones, says so: along an eigenvector whose eigenvalue is near 0
-the parameters may move together and the residual stays. Of two parameters it is one less their correlation. Source:
-Belsley, Kuh and Welsch 1980, Regression Diagnostics, chapter 3.
+The information matrix of a fit, scaled to a diagonal of ones, shows it: along an eigenvector whose eigenvalue is near 0
+the parameters may move together while the residual stays. For two parameters, this eigenvalue is one minus the absolute
+value of their correlation. Source: Belsley, Kuh and Welsch 1980, Regression Diagnostics, chapter 3.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from vispeg.diagnosis.schema import FoundEffect, Place
 from vispeg.identify.fit import Fit
 
 Together = tuple[EffectInstance, ...]
-FLAT = 1e-12
+FLAT = 1e-12  # smallest norm of a column, against division by 0
 
 
 def entangled(fit: Fit | None, n_fixed: int) -> list[Together]:

@@ -1,11 +1,11 @@
 """Intervals of fitted parameters by the squared residual itself, not by its derivatives.
 
-Where a contact sticks, a derivative by friction is zero: every greater value fits as well, a smaller one does not. An
-interval holds the values whose squared residual is within a quantile of the least, the others moving along as the
-derivatives say or staying: whichever reaches farther. The quantile is scaled by how long an error of form lasts, and by
-how far recordings disagree. Sources: profile likelihood, Venzon and Moolgavkar 1988, A method for computing
-profile-likelihood-based confidence intervals, Applied Statistics 37(1); Birge 1932, The calculation of errors by the
-method of least squares, Physical Review 40, for measurements that disagree.
+Where a contact sticks, the derivative by friction is zero: every greater value fits as well, a smaller one does not. An
+interval contains the values whose squared residual is within a quantile of the least. The other parameters either
+follow by the derivatives or stay, whichever gives the wider interval. The quantile is scaled by how long an error of
+form lasts, and by how far recordings disagree. Sources: profile likelihood, Venzon and Moolgavkar 1988, A method for
+computing profile-likelihood-based confidence intervals, Applied Statistics 37(1); Birge 1932, The calculation of errors
+by the method of least squares, Physical Review 40, for measurements that disagree.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from vispeg.worlds.world import World
 
 ROUNDS = ((1.0,), (2.0,), (4.0, 8.0), (16.0, 64.0))  # multiples of a half interval, until the residual rises
 CLOSER = 2  # further evaluations near the end, as the residual may rise abruptly when slip begins
-FLAT = 1e-12
+FLAT = 1e-12  # smallest size, against division by 0
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,9 @@ class Ray:
     """A ray from a fit along which one coordinate moves to one side, and the others follow or stay.
 
     Attributes:
-        axis: the coordinate.
-        direction: (naxis,) over the half interval by derivatives, with its sign.
-        rise: squared residual over the fit's at which the interval ends.
+        axis: index of the coordinate.
+        direction: (naxis,) step of all coordinates that moves this one by half its interval by derivatives, signed.
+        rise: rise of the squared residual above the fit's at which the interval ends.
     """
 
     axis: int
@@ -46,10 +46,9 @@ class Ways:
     """Rise of the squared residual along rays from a fit.
 
     Attributes:
-        rays: where to.
-        points: of each ray, shares of its direction and the rise there, in the order of shares.
-        best, least: the coordinates (naxis,) with the least residual of all points, and by how much it is below the
-            fit's.
+        rays: the rays.
+        points: for each ray, (multiple of its direction, rise of the squared residual there), sorted.
+        best, least: the coordinates (naxis,) with the least squared residual of all points, and that minus the fit's.
     """
 
     def __init__(self, evidence: ContactEvidence, fit: Fit):
@@ -59,7 +58,7 @@ class Ways:
         self.best, self.least = fit.u, 0.0
 
     def ask(self, wanted: Sequence[tuple[int, float]]) -> None:
-        """Evaluate shares of rays, (ray, share) each."""
+        """Evaluate points on rays: (index of the ray, multiple of its direction) each."""
         low, high = self.fit.space.bounds
         at = [np.clip(self.fit.u + share * self.rays[k].direction, low, high) for k, share in wanted]
         residuals = self.evidence.residuals([self.fit.space.at(u) for u in at])
@@ -103,9 +102,9 @@ def intervals(evidence: ContactEvidence, fit: Fit) -> tuple[World, np.ndarray]:
 
 
 def absent(evidence: ContactEvidence, fit: Fit, axes: Sequence[int], null: np.ndarray) -> list[int]:
-    """Return coordinates that may be at their `null` (naxis,), the least needed first.
+    """Return those of the coordinates `axes` that may be at their `null` (naxis,), the least needed first.
 
-    The squared residual must not rise by more than chance, where the others follow by the derivatives, or stay.
+    There the squared residual must not rise by more than chance if the others follow by the derivatives, or stay.
     """
     low, high = fit.space.bounds
     asked, points = [], []
@@ -171,14 +170,14 @@ def _ended(fit: Fit, ray: Ray, share: float) -> bool:
 
 
 def _near_end(way: Sequence[tuple[float, float]], rise: float) -> list[float]:
-    """Return where a way seems to reach `rise`, and halfway to the next point beyond; empty if there is none."""
+    """Return the multiple at which a ray seems to reach `rise`, and one halfway to the next point; else empty."""
     end = _end(way, rise)
     beyond = [share for share, _ in way if share > end]
     return [end, 0.5 * (end + beyond[0])] if beyond else []
 
 
 def _end(way: Sequence[tuple[float, float]], rise: float) -> float:
-    """Return the share at which a way last reaches `rise`; otherwise that of its end, or of a bound after it.
+    """Return the multiple at which a ray's points last reach `rise`; 1e9 if the last point is below it.
 
     Between points the root of the rise is interpolated linearly, which is exact for a linear residual.
     """

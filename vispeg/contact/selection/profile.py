@@ -66,10 +66,16 @@ def probed(
 ) -> list[Probe]:
     """Return probes of every parameter of the effects at their places, added to `world`.
 
-    From none outward, each sign for itself, by a part of the recordings: a way ends where its last size was felt and
-    no size along it promises to lower the residual; of what has a threshold no straight line tells. What may come to
-    `least` is asked anew by all of the recordings.
-    The effects of the world at `free` are taken to be fitted anew beside each size, to first order.
+    The sizes of each sign are tried outward from null, on a part of the recordings. They end once a size changed the
+    residual and linear extrapolation promises no gain. An effect with a threshold goes on, because extrapolation does
+    not hold for it. Sizes of effects that may gain `least` are then evaluated on all of the recordings.
+
+    Args:
+        evidence: the fitted recordings.
+        world: the world to which each size is added.
+        where: (effect, place) of the effects.
+        least: drop of the squared residual that is of interest.
+        free: indices of effects of the world that are refitted with each size, to first order.
     """
     ways = [way for name, at in where for way in outward(name, at)]
     screen = Screen(evidence, world, free)
@@ -102,10 +108,11 @@ def probed(
 
 
 def _beside(p: Probe, hopeful: dict[tuple[str, str], float], best: dict[tuple[str, str], float]) -> Probe:
-    """Scale a probe from a part of the recordings by its share of the effect's best probe, for comparison.
+    """Return a probe on a part of the recordings with its gain scaled to be comparable with those on all of them.
 
-    Raw gains do not compare with those on all recordings: a part that begins in contact is many times as sensitive to
-    a wrong height.
+    The scaled gain has the same ratio to the effect's best gain on all recordings as the raw gain has to its best gain
+    on the part. Raw gains are not comparable: a part that begins in contact is many times as sensitive to a wrong
+    height.
     """
     if p.key not in best or p.gain <= 0 or hopeful[p.key] <= 0:
         return p
@@ -128,7 +135,7 @@ def size_of(name: str, parameter: str, placed: EffectInstance) -> float:
 
 
 def _goes_on(t: Probe) -> bool:
-    """Return whether a larger threshold (e.g. of a grip) may still gain more, although linear extrapolation says no."""
+    """Return whether a larger size of an effect with a threshold (e.g. of a grip) may gain more."""
     return effect(t.placed.effect).remembers and t.gain > 0
 
 

@@ -25,7 +25,7 @@ class Probe:
     """One size of one parameter of an effect.
 
     Attributes:
-        placed: the effect with it.
+        placed: the effect with this size.
         name: name of the parameter.
         gain: drop of the squared residual; -inf if the size changes nothing.
         moved: squared norm of the change of the residual.
@@ -49,8 +49,10 @@ class Probe:
 
 
 class Screen:
-    """Gains of effects of given sizes added to a world, on a part of the recordings, and their linear extrapolation; on
-    all of them for effects with memory, such as a part that slipped in its grip.
+    """Gains of effects of given sizes added to a world, and their linear extrapolation.
+
+    They are computed on a part of the recordings; on all of them for effects with memory, such as a part that slipped
+    in its grip.
 
     Attributes:
         base: by part of the recordings, the world's residual and an orthonormal basis (m, k) of its free parameters'
@@ -101,7 +103,7 @@ def _basis(changes: Sequence[np.ndarray], size: int, least: float) -> np.ndarray
 
 
 def _promised(base: np.ndarray, r: np.ndarray, times: float) -> float:
-    """Return the drop of the squared residual at the best size on a straight line through one; 0 if it rises."""
+    """Return the drop of the squared residual at the best size by linear extrapolation; 0 if it rises."""
     change = r - base
     along = float(base @ change)
     return times * along**2 / max(float(change @ change), 1e-12) if along < 0 else 0.0

@@ -44,13 +44,13 @@ class ContactSearch(Search):
     """A search whose candidates are effects of contact, tool and wrench sensor."""
 
     evidence: ContactEvidence
-    runs = False  # the viewer adds effects one by one, with intervals at once
-    least: Mapping[tuple[str, str], Mapping[str, float]] = {}  # of each effect's parameters the size that shows
-    n_fixed: int | None = None  # effects of a world that were given with it: all, until a search starts
+    runs = False  # False while the viewer adds effects one by one: then intervals are computed after each
+    least: Mapping[tuple[str, str], Mapping[str, float]] = {}  # (effect, place) -> parameter -> detectable size
+    n_fixed: int | None = None  # number of given effects of a world; None (all) until a search starts
 
     @property
     def few(self) -> int:
-        """Any number: the linear model judges no exchange here."""
+        """A number that is never reached: the whole library is always screened for competitors."""
         return 99
 
     @cached_property
@@ -65,8 +65,9 @@ class ContactSearch(Search):
     def need(self, state_cost: float = 1.0, count: int = 1, level: float | None = None) -> float:
         """Return the drop of the squared residual that `count` parameters of an absent effect hardly ever reach.
 
-        Errors hang together over some blocks, a worse model leaves more of them, and the best of the library is taken
-        (Bonferroni). Source: the likelihood ratio's law, Wilks 1938, Annals of Mathematical Statistics 9(1).
+        It allows for errors that are correlated over some blocks, for larger errors of a worse model, and for choosing
+        the best effect of the library (Bonferroni). Source: distribution of the likelihood ratio, Wilks 1938, Annals
+        of Mathematical Statistics 9(1).
         """
         library = max(1, len(places(self.evidence, World())))
         return self.beyond(
@@ -75,10 +76,10 @@ class ContactSearch(Search):
         )
 
     def needed_beside(self, world: World) -> float:
-        """Return the gain required of one parameter added to a world: lower if the residual is already below the noise
-        floors.
+        """Return the gain required of one parameter added to a world.
 
-        A residual above the floors does not raise it, because the effect may be what removes that residual.
+        It is lower if the residual is already below the noise floors. A residual above the floors does not raise it,
+        because the effect may be what removes that residual.
         """
         (residual,) = self.evidence.residuals([world])
         return self.need(min(1.0, float(np.mean(residual**2))))
@@ -93,8 +94,10 @@ class ContactSearch(Search):
         )
 
     def worth_it(self, state: State, n_fixed: int) -> bool:
-        """Up to so many effects: floors count errors that a good sensor does not have, so what is within them may
-        still show an effect. What is not sure fails in `step`.
+        """Return whether the search may add an effect: until there are `most_effects`, even at the noise floor.
+
+        The floors include errors that a good sensor does not have, so a residual below them may still show an effect.
+        An uncertain effect is refused in `step`.
         """
         return len(state.world.effects) - n_fixed < self.evidence.most_effects
 
@@ -108,7 +111,7 @@ class ContactSearch(Search):
             kind = effect(e.effect)
             self.evidence.absent |= {(kind.name, k) for k, v in e.params.items() if v.value == kind.params[k].null}
         state = super().start(world, n_fixed)
-        if not self.runs:  # the viewer's
+        if not self.runs:
             self.bound(state, self.n_fixed)
         return state
 
@@ -146,9 +149,9 @@ class ContactSearch(Search):
         iterations: int = 6,
         columns: Sequence[np.ndarray | None] | None = None,
     ) -> list[Fit]:
-        """As for joints; candidates that race are fitted in a few steps, reusing the derivatives of the other effects.
+        """Fit as for joints; candidates that race are fitted in few steps that reuse derivatives of the other effects.
 
-        Nothing else is: where another effect comes in, contacts come and go.
+        Other fits reuse none, because contacts begin and end when another effect is added.
         """
         if races is None or columns is None or all(c is None for c in columns):
             return super().fits(worlds, n_fixed, races=races, iterations=min(iterations, 6))
@@ -215,7 +218,7 @@ class ContactSearch(Search):
         state.steps.append((trial.bare, [t.bare for t in trials]))
         self.lately = {}
         fit = trial.fit
-        if state.fit is not None:  # it was fitted shortly
+        if state.fit is not None:  # the trial was fitted in few steps
             (fit,) = self.fits([fit.world], n_fixed)
         fit = sparse(self.evidence, fit, n_fixed, lambda w: self.fits([w], n_fixed)[0])
         state.take(fit, self.judge.losses([fit.world])[0])
@@ -267,7 +270,7 @@ class ContactSearch(Search):
         judged = self.judge.evidence
         assert isinstance(judged, ContactEvidence)
         before, after = judged.as_read(state.world), judged.as_read(trial.fit.world)
-        return "the held-out error of what is read rises" if after > before else ""
+        return "the held-out error of the raw readings rises" if after > before else ""
 
     def needed(self, state: State, index: int, gain: Gain) -> bool:
         """Return whether an effect improves the held-out recordings in addition to the others."""
@@ -279,7 +282,7 @@ class ContactSearch(Search):
         return [Score(_fitted(a), a.score.gain, (_fitted(b),)) for a, b in combinations(order, 2)]
 
     def probed(self, world: World, where: Sequence[tuple[str, str]]) -> list[Probe]:
-        """`vispeg.contact.selection.profile.probed`, remembered."""
+        """Return the result of `vispeg.contact.selection.profile.probed`, which `progress` stores."""
 
         def work_out() -> list:
             return [
@@ -288,7 +291,7 @@ class ContactSearch(Search):
             ]
 
         question = ["contact profile", model_text(world), [list(p) for p in where], list(self.free(world))]
-        answer = self.progress.recall(question, work_out)  # also asked twice in one run: what is silent, what is best
+        answer = self.progress.recall(question, work_out)  # a run asks twice: for detectable sizes, and for the best
         return [
             Probe(EffectInstance.of(n, at, **{name: value}), name, gain if gain > NONE else -np.inf, moved)
             for n, at, name, value, gain, moved in answer
@@ -300,7 +303,10 @@ class ContactSearch(Search):
         return range(n if self.n_fixed is None else min(self.n_fixed, n), n)
 
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
-        """Return the best alternatives among trials fitted when the effect was added and near-confounded effects."""
+        """Return the best alternatives to an effect, and the number of all alternatives in the library.
+
+        Considered are the trials that were fitted when the effect was added, and effects nearly confounded with it.
+        """
         where = [p for p in places(self.evidence, state.world) if p != (placed.effect, placed.where)]
         beside = {t.score.key for taken, trials in state.steps if taken.score.has(placed) for t in trials}
         near = [p for p in where if p in beside or alike(p[0], placed.effect)]
@@ -318,7 +324,7 @@ class ContactSearch(Search):
         return self.progress.recall(asked, lambda: Screen(self.evidence, world, free).gain(placed))
 
     def _grow(self, state: State, placed: EffectInstance, n_fixed: int) -> None:
-        """No effect of contact is a richer form of another."""
+        """Do nothing: no effect of contact contains another one."""
 
 
 def _fitted(trial: Trial) -> EffectInstance:

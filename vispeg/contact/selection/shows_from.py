@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 
 def least_sizes(search: ContactSearch, world: World) -> dict[tuple[str, str], dict[str, float]]:
-    """Return the minimum detectable size of each parameter alone, added to a world, with probability `power`.
+    """Return the size of each parameter alone, added to a world, that is detected with probability `RULES.power`.
 
-    It is larger if the held-out recordings need more, and for a pose by its interval's allowance for repeatability,
-    so that the interval excludes null with the same probability.
+    The size is larger if the held-out recordings need more. For a pose it is also larger by the interval's allowance
+    for the arm's repeatability, so that the interval excludes null with the same probability.
     """
     where = places(search.evidence, world)
     least = shown_from(search.probed(world, where), surely(search.evidence, search.need()))
@@ -42,7 +42,7 @@ def least_sizes(search: ContactSearch, world: World) -> dict[tuple[str, str], di
         short = surely(judged, search.confirms()) / max(PART * float(np.sum((r - base) ** 2)), 1e-12)
         if short > 1.0:
             least[key][name] = further(key[0], name, size, float(np.sqrt(short)))
-    # of standard uncertainties: an interval's half, and how it may lie
+    # in standard uncertainties: half of a 95 % interval, and the scatter of its middle
     ends = 1.96 + float(stats.norm.ppf(RULES.power))
     return {
         key: {n: within(key[0], n, float(np.hypot(s, ends * uncertainty(key[0], n)))) for n, s in sizes.items()}
@@ -51,9 +51,10 @@ def least_sizes(search: ContactSearch, world: World) -> dict[tuple[str, str], di
 
 
 def surely(evidence: ContactEvidence, drop: float) -> float:
-    """Return the squared trace d^2 that lowers the squared residual by over `drop` with probability `power`.
+    """Return d^2 for a residual change of norm d that a fit removes with a drop over `drop`, with probability `power`.
 
-    A fit lowers it by d^2 + 2 d e, where e is an error along the trace, with the variance used for acceptance.
+    The fit lowers the squared residual by d^2 + 2 d e, where e is the error along that change, with the variance used
+    for acceptance.
     """
     error = float(stats.norm.ppf(RULES.power) * np.sqrt(evidence.correlated * evidence.variance(1.0)))
     return float((error + np.sqrt(error**2 + drop)) ** 2)
@@ -63,8 +64,8 @@ def shown_from(probes: Sequence[Probe], need: float) -> dict[tuple[str, str], di
     """Return for each (effect, place) the least distance of each parameter from null that is detectable.
 
     Detectable is a change of the squared residual by `need`. The distance of a scale is its factor; it is infinite if
-    no size in the range is detectable. For each sign it is scaled down from the nearest detectable size, the trace
-    growing linearly, but not below a size that is not detectable.
+    no size in the range is detectable. For each sign it is scaled down from the nearest detectable size, as if the
+    change of the residual grew linearly, but not below a size that is not detectable.
     """
     out: dict[tuple[str, str], dict[str, float]] = {}
     ways: dict[tuple[tuple[str, str], str, bool], list[tuple[float, float]]] = {}

@@ -40,7 +40,7 @@ def spared(search: ContactSearching, state: State, n_fixed: int) -> bool:
     if not weak:
         return False
     k = min(weak, key=lambda k: worse[k] / count[k])
-    search.say(f"not needed beside the others: {some[k].label}")
+    search.say(f"not needed with the others: {some[k].label}")
     search.remove(state, fits[k], losses[k])
     return True
 
@@ -73,8 +73,7 @@ def too_small(placed: EffectInstance, least: Mapping[tuple[str, str], Mapping[st
 
 
 def doubted(search: ContactSearching, state: State, n_fixed: int) -> bool:
-    """Remove an effect whose intervals include null, or that is smaller than its minimum detectable size; return False
-    if there is none.
+    """Remove an effect whose intervals include null or that is below its minimum detectable size; else return False.
 
     Acceptance is based on the best value only, while the interval covers all plausible values; and an effect below the
     minimum detectable size may just as well be an error in the form of another law.
@@ -84,19 +83,19 @@ def doubted(search: ContactSearching, state: State, n_fixed: int) -> bool:
     if gone is None:
         return False
     small = not includes_none(gone)
-    search.say(f"{gone.label} {'is smaller than these recordings can show' if small else 'may as well be none'}")
+    search.say(f"{gone.label} {'is smaller than these recordings can show' if small else 'may be absent'}")
     world = state.world.without(gone.effect, gone.where)
     if len(some) > 1:
-        (fit,) = search.reduced([world], n_fixed)  # as `spared` fitted it
+        (fit,) = search.reduced([world], n_fixed)  # the same fit as in `spared`
         search.remove(state, fit, search.judge.losses([fit.world])[0])
         return True
     before = search.start(world, n_fixed)
     state.world, state.loss, state.residual = before.world, before.loss, before.residual
     state.fit, state.cross = before.fit, before.cross
-    near = ", allowing for how closely an arm repeats a pose" if effect(gone.effect).posed else ""
-    why = f"the interval of {gone.label} includes none{near}"
+    near = ", allowing for the arm's repeatability" if effect(gone.effect).posed else ""
+    why = f"the interval of {gone.label} includes null{near}"
     if small:
-        why = f"{gone.label} is smaller than what these recordings can show of it"
+        why = f"{gone.label} is smaller than its minimum detectable size in these recordings"
     state.last = [replace(t, rejected=t.rejected or why) for _, trials in state.steps for t in trials]
     state.steps = []
     return True

@@ -20,8 +20,8 @@ from vispeg.worlds.world import World
 def sparse(evidence: ContactEvidence, fit: Fit, n_fixed: int, refit: Callable[[World], Fit]) -> Fit:
     """Refit without the magnitudes that may be null: all at once, or else one by one, the least needed first.
 
-    The effects after the first `n_fixed` are asked; of each at least one magnitude stays. `evidence.absent` holds what
-    went out, so that later fits leave it at null.
+    Only the effects after the first `n_fixed` are considered, and each keeps at least one magnitude. The removed
+    magnitudes are added to `evidence.absent`, so that later fits leave them at null.
     """
     idle = _idle(evidence, fit, n_fixed)
     for some in (idle, idle[:1]) if idle else ():

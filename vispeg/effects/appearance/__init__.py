@@ -1,1 +1,1 @@
-"""Colours, textures, lamps and surroundings."""
+"""Effects of what cameras see: colours, textures, lamps and surroundings."""

@@ -1,1 +1,1 @@
-"""Masses, centres of mass, and how the base stands."""
+"""Effects of masses, centres of mass and gravity."""

@@ -1,1 +1,1 @@
-"""What a lens, a sensor and a codec make of a picture."""
+"""Effects of cameras: lens, image sensor, depth, timing and codec."""

@@ -1,1 +1,1 @@
-"""What effects of one or more families share."""
+"""Code that several effects share."""

@@ -1,1 +1,1 @@
-"""What touches, and how."""
+"""Effects of contact: friction, stiffness, damping, compliance and grip."""

@@ -1,1 +1,1 @@
-"""Between a command and the torque at the joint."""
+"""Effects between a command and the torque at the joint: delays, gains, limits and servo loops."""

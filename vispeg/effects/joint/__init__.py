@@ -1,1 +1,1 @@
-"""Friction, springs and play in a joint."""
+"""Effects of a joint: friction, springs, play and inertia."""

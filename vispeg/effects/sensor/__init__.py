@@ -1,1 +1,1 @@
-"""What encoders and the wrist's force sensor make of the truth."""
+"""Effects of encoders and of the wrist's force sensor: offsets, noise, delays, quantization and lost readings."""

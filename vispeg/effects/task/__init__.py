@@ -1,1 +1,1 @@
-"""The peg, its grip and the hole: where they are, and where they are believed to be."""
+"""Effects of the task's parts: poses of held part and hole, grip, clearance, and the believed goal."""

@@ -1,5 +1,5 @@
 "use strict";
-// The arm in 3D, by WebGL: as measured, and as the models have it, their error enlarged; the charts' cursor moves it.
+// The arm in 3D, by WebGL: as measured, and as models predict it, with their error enlarged, at the charts' cursor.
 for (const root of document.querySelectorAll("[data-traces]")) {
   const stage = root.querySelector("[data-stage]");
   if (stage) armStage(root, stage);
@@ -7,7 +7,7 @@ for (const root of document.querySelectorAll("[data-traces]")) {
 
 function armStage(root, stage) {
   const canvas = stage.querySelector("canvas"), gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
-  if (!gl) return; // a browser without 3D: the charts say the same
+  if (!gl) return; // without WebGL, only the charts are shown
   const arm = JSON.parse(stage.querySelector("[data-arm]").textContent), one = (name) => stage.querySelector(`[data-${name}]`);
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   const eye = { turn: 0.9, tip: 0.25, far: 0, target: [0, 0, 0] };
@@ -77,9 +77,9 @@ function armStage(root, stage) {
   function shape(q, ghost) {
     const matrices = posed(q);
     gl.uniform4fv(at.ghost, ghost);
-    gl[ghost[3] ? "enable" : "disable"](gl.POLYGON_OFFSET_FILL); // where both are at one place, the measured one shows
+    gl[ghost[3] ? "enable" : "disable"](gl.POLYGON_OFFSET_FILL); // where both coincide, the measured arm is drawn
     gl.polygonOffset(2, 2);
-    for (const pass of ghost[3] ? ["depth", "colour"] : ["colour"]) { // of a ghost only what is nearest
+    for (const pass of ghost[3] ? ["depth", "colour"] : ["colour"]) { // of a transparent arm, only the nearest surface
       gl.colorMask(pass === "colour", pass === "colour", pass === "colour", pass === "colour");
       gl.depthFunc(gl.LEQUAL);
       for (const [body, first, count] of arm.parts) {
@@ -94,7 +94,7 @@ function armStage(root, stage) {
     return of.map((row) => { for (let i = k; i >= 0; i--) if (row[i] != null) return row[i]; return 0; });
   }
 
-  function posed(q) { // each body's pose in the base, column by column
+  function posed(q) { // each body's pose in the base frame, column-major
     const matrices = [];
     arm.bodies.forEach((body, b) => {
       let m = rigid(body.quat, body.pos);
@@ -125,7 +125,7 @@ function armStage(root, stage) {
     if (playing) requestAnimationFrame(step);
   }
 
-  function turning() { // by dragging, by keys, by two fingers or the wheel with Ctrl
+  function turning() { // the view turns and zooms by dragging, keys, two fingers, or Ctrl and the wheel
     const fingers = new Map();
     canvas.addEventListener("pointerdown", (e) => { fingers.set(e.pointerId, e); canvas.setPointerCapture(e.pointerId); });
     for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (e) => fingers.delete(e.pointerId));
@@ -155,7 +155,7 @@ function armStage(root, stage) {
     draw();
   }
 
-  function frame(now) { // the whole motion in view
+  function frame(now) { // fit the whole motion into the view
     const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
     for (let k = 0; k < now.time.length; k += Math.ceil(now.time.length / 40)) for (const m of posed(angles(now, k))) {
       for (let i = 0; i < 3; i++) { low[i] = Math.min(low[i], m[12 + i]); high[i] = Math.max(high[i], m[12 + i]); }

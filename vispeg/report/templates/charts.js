@@ -1,6 +1,6 @@
 "use strict";
-// Charts over one time axis, one below another: one cursor, one zoom, units with the prefix that suits them, the
-// reader's colours, keys and buttons beside the mouse. Other scripts of a page draw with it.
+// Charts one below another over one time axis, with a common cursor and zoom, unit prefixes, the colours of light or dark
+// mode, and control by mouse, keys and buttons. Other scripts of a page draw with it.
 const charts = (() => {
   const SMALLER = [["", 1], ["m", 1e3], ["µ", 1e6]], KEYS = "Arrow keys move the cursor, plus and minus zoom, 0 shows all.";
   let stacks = 0;
@@ -14,7 +14,7 @@ const charts = (() => {
     return made;
   }
 
-  // 16-bit codes of rows of n numbers, a scale a row; the least code is a gap.
+  // Decodes rows of n numbers from 16-bit codes with a scale per row; the lowest code is a gap.
   function decoded(codes, scales, n) {
     const raw = Uint8Array.from(atob(codes), (c) => c.charCodeAt(0)), view = new DataView(raw.buffer);
     return scales.map((scale, row) => {
@@ -28,7 +28,7 @@ const charts = (() => {
   }
 
   class Stack {
-    // `place` becomes the charts' place; `moved(time)` is told where the cursor is.
+    // The charts are put into `place`; `moved(time)` is called when the cursor moves.
     constructor(place, moved = () => {}) {
       Object.assign(this, { place, moved, specs: [], drawn: [], key: "stack" + stacks++, at: null });
       this.spoken = element("p", "spoken");
@@ -56,7 +56,7 @@ const charts = (() => {
       }).observe(place);
     }
 
-    // Each of `specs`: {title, note, unit, prefixed, lines: [{label, colour, width, dash, dots}], data: [time, ...], bands}.
+    // Each of `specs` is {title, note, unit, prefixed, lines: [{label, colour, width, dash, dots}], data: [time, ...], bands}.
     show(specs) {
       const { min, max } = this.range(), css = getComputedStyle(document.documentElement);
       const colour = (name) => css.getPropertyValue("--" + name).trim();
@@ -66,17 +66,17 @@ const charts = (() => {
       for (const spec of specs) this.drawn.push(this.chart(spec, colour));
       this.fit();
       if (min != null && specs.length) this.set(min, max);
-      queueMicrotask(() => { // when uPlot has its scales
+      queueMicrotask(() => { // after uPlot has set its scales
         const now = this.range();
         if (this.at != null && this.at >= now.min && this.at <= now.max) this.go(this.at);
       });
     }
 
-    update(i, data, note) { // new values in a chart, at the same zoom
+    update(i, data, note) { // shows new values in a chart, at the same zoom
       const chart = this.drawn[i], { min, max } = chart.scales.x;
       chart.setData(data, min == null);
       this.name(chart);
-      if (min != null) chart.setScale("x", { min, max }); // the other axis follows the new values
+      if (min != null) chart.setScale("x", { min, max }); // and lets the other axis fit the new values
       chart.note.textContent = note;
     }
 
@@ -114,7 +114,7 @@ const charts = (() => {
       return chart;
     }
 
-    name(chart) { // the prefix that suits what is drawn
+    name(chart) { // sets the unit's prefix for the drawn values
       let peak = 0;
       for (const row of chart.data.slice(1)) for (const v of row) if (v != null && Math.abs(v) > peak) peak = Math.abs(v);
       const { prefixed, unit } = chart.spec, fits = prefixed ? SMALLER.filter(([, factor]) => peak * factor >= 0.1) : [];
@@ -154,19 +154,19 @@ const charts = (() => {
       if (b > a) this.drawn[0].setScale("x", { min: a, max: b });
     }
 
-    zoom(factor) { // about the cursor, or the middle
+    zoom(factor) { // zooms about the cursor, or the middle
       if (!this.drawn.length) return;
       const { min, max } = this.range();
       const at = this.at == null || this.at < min || this.at > max ? (min + max) / 2 : this.at;
       this.set(at - (at - min) * factor, at + (max - at) * factor);
     }
 
-    go(time) { // the cursor to a moment, which is brought into view
+    go(time) { // moves the cursor to a time, and the time into view
       const chart = this.drawn[0];
       if (!chart) return;
       const { min, max } = this.range(), half = (max - min) / 2;
       if (time < min || time > max) this.set(time - half, time + half);
-      queueMicrotask(() => { // when uPlot has its scales
+      queueMicrotask(() => { // after uPlot has set its scales
         const left = chart.valToPos(time, "x");
         if (Number.isFinite(left) && chart === this.drawn[0]) chart.setCursor({ left: Math.max(0, left), top: 10 }, true, true);
       });
@@ -187,7 +187,7 @@ const charts = (() => {
       this.waiting = setTimeout(() => this.say(), 400);
     }
 
-    say() { // what stands at the cursor, for those who do not see it
+    say() { // tells screen readers the values at the cursor
       const chart = this.drawn[0], k = chart.cursor.idx;
       if (k == null) return;
       const values = chart.spec.lines.map((line, i) => `${line.label} ${chart.series[i + 1].value(chart, chart.data[i + 1][k])}`);
@@ -202,7 +202,7 @@ const charts = (() => {
       this.moved(time);
     }
 
-    follow(from) { // one time axis for all
+    follow(from) { // gives all charts the time axis of one
       if (this.following) return;
       this.following = true;
       const { min, max } = from.scales.x;

@@ -1,5 +1,5 @@
 "use strict";
-// Effects switched on and off: shows the row of worked-out residuals that belongs to the choice.
+// Switches effects on and off, and shows the precomputed residuals of the chosen model.
 for (const root of document.querySelectorAll("[data-explore]")) {
   const data = JSON.parse(root.querySelector("[data-choices]").textContent);
   const one = (name) => root.querySelector(`[data-${name}]`);
@@ -7,7 +7,7 @@ for (const root of document.querySelectorAll("[data-explore]")) {
   const stack = new charts.Stack(one("plots"));
   let row = data.start, recording = 0, sharedScale = false, shown = [];
 
-  for (const r of data.recordings) { // choice by choice, joint by joint
+  for (const r of data.recordings) { // one row per model and joint
     const rows = charts.decoded(r.codes, r.scale, r.time.length), nj = data.joints.length;
     r.values = data.rows.map((_, i) => rows.slice(i * nj, (i + 1) * nj));
   }

@@ -1,5 +1,5 @@
 "use strict";
-// Recorded signals: which recording, which joints and which lines are drawn is the reader's choice.
+// Recorded signals: the reader chooses recording, joints and lines.
 for (const root of document.querySelectorAll("[data-traces]")) {
   const data = JSON.parse(root.querySelector("[data-values]").textContent);
   const one = (name) => root.querySelector(`[data-${name}]`);

@@ -1,1 +1,1 @@
-"""What a sensor and a codec make of light and colour."""
+"""Effects of the image sensor and the codec on light and colour."""

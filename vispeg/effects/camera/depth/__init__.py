@@ -1,1 +1,1 @@
-"""What a depth sensor makes of distances."""
+"""Effects of depth sensors: noise, bias, missing readings and errors of stereo matching."""

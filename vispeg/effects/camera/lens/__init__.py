@@ -1,1 +1,1 @@
-"""What a lens, its place and what stands before it make of a picture."""
+"""Effects of a camera's lens and pose, and of objects before the lens."""

@@ -1,1 +1,1 @@
-"""When a picture is taken, and what moves meanwhile."""
+"""Effects of exposure and delivery times: latency, lost frames, motion blur and rolling shutter."""

@@ -1,5 +1,5 @@
 "use strict";
-// Two policies, or one in two worlds, on the same seeds: a square an episode.
+// Two policies, or one in two worlds, on the same seeds: one square per episode.
 for (const root of document.querySelectorAll("[data-pairing]")) {
   const data = JSON.parse(root.querySelector("[data-episodes]").textContent), one = (name) => root.querySelector(`[data-${name}]`);
   const choices = [0, 1].map((side) => ["policy", "world"].map((of) => root.querySelector(`[data-${of}-of="${side}"]`)));
