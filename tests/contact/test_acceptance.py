@@ -15,8 +15,8 @@ from vispeg.contact.phases import NAMES
 from vispeg.contact.run import evidence_of
 from vispeg.contact.selection.profile import outward, probed, strongest, tries
 from vispeg.contact.selection.search import ContactSearch
-from vispeg.contact.selection.spare import doubted, includes_none, spared
-from vispeg.contact.sensor import stands_for
+from vispeg.contact.selection.spare import includes_none, remove_uncertain, remove_unneeded
+from vispeg.contact.sensor import true_per_read
 from vispeg.core.effect import EffectInstance
 from vispeg.core.params import Value
 from vispeg.core.rules import RULES
@@ -51,7 +51,7 @@ def test_a_newton_read_stands_for_as_much_as_the_gain_says():
     late = World().add(EffectInstance.of("wrench_delay", "flange", delay=0.02))
     biased = World().add(EffectInstance.of("wrench_bias", "flange", fx=1.0))
     for world, force in ((gain(1.25), 0.8), (late, 1.0), (biased, 1.0), (World(), 1.0)):
-        assert stands_for(item.path, item.armless, world) == pytest.approx(force)
+        assert true_per_read(item.path, item.armless, world) == pytest.approx(force)
 
 
 def test_the_floor_in_free_air_is_what_a_block_of_readings_leaves_of_their_noise():
@@ -115,9 +115,9 @@ def test_what_is_not_needed_beside_the_others_is_left_out_again():
     state = searching.start(World(), 0)
     (fit,) = searching.fits([World().add(FIXTURE).add(FRICTION)], 0, iterations=2)
     state.take(fit, searching.judge.losses([fit.world])[0])
-    assert spared(searching, state, 0)
+    assert remove_unneeded(searching, state, 0)
     assert [e.effect for e in state.world.effects] == ["contact_friction"]
-    assert not spared(searching, state, 0), "the only one is not asked for"
+    assert not remove_unneeded(searching, state, 0), "the only one is not asked for"
 
 
 def test_rivals_are_equal_within_what_chance_makes_of_lasting_errors():
@@ -203,7 +203,7 @@ def test_what_may_as_well_not_be_there_is_taken_out(others):
     state = searching.start(World(), 0)
     (fit,) = searching.fits([world], 0, iterations=1)
     state.take(replace(fit, world=world), state.loss)
-    assert doubted(searching, state, 0)
+    assert remove_uncertain(searching, state, 0)
     assert [e.effect for e in state.world.effects] == [e.effect for e in others]
     (residual,) = searching.evidence.residuals([state.world])
     np.testing.assert_allclose(state.residual, residual, rtol=1e-6, atol=1e-9)

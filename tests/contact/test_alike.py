@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from straight import Straight, search
 
-from vispeg.contact.selection.alike import alike, freed, lacking, refitted
+from vispeg.contact.selection.alike import confusable, free_lacking, lacking, refitted
 from vispeg.contact.selection.profile import looked_for
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
@@ -39,15 +39,15 @@ def test_what_a_rival_lacks_is_moved_by_fits_again_and_nothing_else():
     idle = {("peg_grasp_compliance", k) for k in ("y", "roll", "pitch")} | {("fixture_compliance", "z")}
     evidence = Straight(np.ones(12), {})
     searching, evidence.absent = search(evidence), set(idle)
-    assert freed(searching, FIXTURE, grasp(x=4e-5))
+    assert free_lacking(searching, FIXTURE, grasp(x=4e-5))
     assert evidence.absent == idle - {("peg_grasp_compliance", "y")}
-    assert not freed(searching, FIXTURE, grasp(x=4e-5, y=4e-5))
+    assert not free_lacking(searching, FIXTURE, grasp(x=4e-5, y=4e-5))
 
 
 def test_effects_are_alike_both_ways():
     kinds = [kind.name for kind in looked_for()]
-    assert alike("fixture_compliance", "peg_grasp_compliance")
-    assert all(alike(a, b) == alike(b, a) for a in kinds for b in kinds)
+    assert confusable("fixture_compliance", "peg_grasp_compliance")
+    assert all(confusable(a, b) == confusable(b, a) for a in kinds for b in kinds)
 
 
 @pytest.mark.parametrize("tried", [True, False])

@@ -7,7 +7,7 @@ import pytest
 from pressed import recorded
 
 from vispeg.contact.errors.nuisance import FORM, KINDS, PATH, READING, Nuisance
-from vispeg.contact.record import allowed, told
+from vispeg.contact.record import allowed, with_nuisance
 from vispeg.contact.run import evidence_of
 from vispeg.contact.selection.spare import too_small
 from vispeg.core.effect import EffectInstance
@@ -56,8 +56,8 @@ def test_a_verdict_says_what_an_allowance_takes():
     assert row["model"] == "given" and all(0 <= row[kind] <= 1 for kind in KINDS)
     verdict = Verdict("adequate", "nothing lowers it")
     most = {"model": "given", "sensor": 0.1, "path": 0.8, "form": 0.0}
-    assert "explain 80 %" in told(verdict, [most]).reason and "0.2 mm" in told(verdict, [most]).reason
-    assert told(verdict, [{**most, "path": 0.2}]) == verdict
+    assert "explain 80 %" in with_nuisance(verdict, [most]).reason and "0.2 mm" in with_nuisance(verdict, [most]).reason
+    assert with_nuisance(verdict, [{**most, "path": 0.2}]) == verdict
 
 
 @pytest.mark.parametrize(

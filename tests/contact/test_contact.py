@@ -11,7 +11,7 @@ import pytest
 from pressed import SCENE, recorded
 
 from vispeg.contact.drive import hands
-from vispeg.contact.errors.noise import louder
+from vispeg.contact.errors.noise import excess_noise
 from vispeg.contact.errors.nuisance import Nuisance
 from vispeg.contact.hand import AXES, grasp, hand
 from vispeg.contact.inputs import touching
@@ -186,12 +186,12 @@ def test_noise_beyond_what_is_stated_is_heard_at_rest_and_named():
     more = np.repeat([0.25, 0.0], 3) * rng.standard_normal((2, *rec.ft.shape))
     plain = evidence_of([rec]).items
     loud = [evidence_of([replace(rec, ft=rec.ft + m)]).items for m in more]
-    (placed,) = louder(World(), *loud)
+    (placed,) = excess_noise(World(), *loud)
     force = placed.params["force"]
     assert force.low <= 0.25 <= force.high and force.high - force.low < 0.1
     assert placed.params["torque"].value == 0.0
-    assert not louder(World(), plain, plain) and not louder(World(), loud[0], plain)
-    assert not louder(World().add(placed), *loud), "the model has it"
+    assert not excess_noise(World(), plain, plain) and not excess_noise(World(), loud[0], plain)
+    assert not excess_noise(World().add(placed), *loud), "the model has it"
 
 
 def test_what_sticks_is_told_a_least_friction_and_no_greatest():

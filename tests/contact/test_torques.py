@@ -11,7 +11,7 @@ import pytest
 from vispeg.contact.run import evidence_of
 from vispeg.contact.selection.likely import intervals
 from vispeg.contact.selection.profile import places
-from vispeg.contact.touch import felt, touches
+from vispeg.contact.touch import has_wrench, touches
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
@@ -112,11 +112,11 @@ def test_what_touches_without_wrench_and_torques_is_refused_in_one_line(pressed)
     rec = numb(pressed)
     deaf = replace(rec, tau=None, torque_sensor="none")
     with pytest.raises(UserError, match="nor joint torques") as refused:
-        felt([deaf])
+        has_wrench([deaf])
     assert "\n" not in str(refused.value) and "recording.yaml" in str(refused.value)
     air = replace(deaf, **{k: getattr(deaf, k)[:400] for k in ("time", "q", "dq", "ee", "ee_cmd")})
     assert touches(rec, FOUND.scene) and not touches(air, FOUND.scene)
-    assert felt([pressed]) and felt([rec]) and not felt([air])
+    assert has_wrench([pressed]) and has_wrench([rec]) and not has_wrench([air])
 
 
 @pytest.mark.parametrize("joints", [6, 7])

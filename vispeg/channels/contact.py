@@ -11,7 +11,7 @@ from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.picture import worst_moment
 from vispeg.contact.run import compare_contact, diagnose_contact, evidence_of
 from vispeg.contact.selection.likely import intervals
-from vispeg.contact.touch import felt
+from vispeg.contact.touch import has_wrench
 from vispeg.core.effect import Effect
 from vispeg.diagnosis.compare import Comparison
 from vispeg.diagnosis.run import Diagnosis
@@ -31,7 +31,7 @@ class Contact(Channel):
 
     def has(self, world: World, recordings: Sequence[Recording]) -> bool:
         """Say whether the model has a cell (else nothing is touched), and all have a wrench or torques to infer it."""
-        return world.cell is not None and not is_object(world.robot) and felt(recordings)
+        return world.cell is not None and not is_object(world.robot) and has_wrench(recordings)
 
     def shows(self, kind: Effect) -> bool:
         """Say whether the effect changes the wrench."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.channels.channel import Both, Channel, How
-from vispeg.contact.touch import felt
+from vispeg.contact.touch import has_wrench
 from vispeg.core.effect import ARM, Effect, effect
 from vispeg.diagnosis import compare, run
 from vispeg.diagnosis.compare import Comparison
@@ -43,7 +43,7 @@ class Joints(Channel):
         """Say whether all have a known controller or measured torques, unless torques must stand in for a wrench."""
         if is_object(world.robot):
             return False
-        stand_in = world.cell is not None and felt(recordings) and any(rec.ft is None for rec in recordings)
+        stand_in = world.cell is not None and has_wrench(recordings) and any(rec.ft is None for rec in recordings)
         return not stand_in and all(map(moved, recordings))
 
     def shows(self, kind: Effect) -> bool:

@@ -53,8 +53,8 @@ def drive(
     windows: Sequence[slice],
     nthread: int,
     shift: np.ndarray | None = None,
-    way: np.ndarray | None = None,
-    stands: np.ndarray | None = None,
+    deviation: np.ndarray | None = None,
+    per_read: np.ndarray | None = None,
 ) -> Driven:
     """Drive the hands of `worlds` (all with the same springs built in) through windows of a path.
 
@@ -72,20 +72,20 @@ def drive(
         windows: ranges of the path's samples that are simulated, in order.
         nthread: threads of the batch.
         shift: (nworld, 6) m and rad, constant offset of each hand from the path, in the axes of the hand's start pose.
-        way: (nworld, 2, n, 6) offset of each hand's coordinates and their rates from those of the path, per sample.
-        stands: (nworld,) true force change per newton read; 1 by default.
+        deviation: (nworld, 2, n, 6) offset of each hand's coordinates and rates from those of the path, per sample.
+        per_read: (nworld,) true force change per newton read; 1 by default.
     """
     batch = hands(scene, cell, path, worlds, nthread)
-    stands = np.ones(len(worlds)) if stands is None else stands
+    per_read = np.ones(len(worlds)) if per_read is None else per_read
     for name in ("actuator_gainprm", "actuator_biasprm"):
-        batch.expand(name)[:] *= stands[:, None, None]
+        batch.expand(name)[:] *= per_read[:, None, None]
     if shift is not None:
         body, turn = compiled(scene).body(scene.base).id, Rotation.from_quat(path.frame, scalar_first=True)
         batch.expand("body_pos")[:, body] = path.origin + turn.apply(shift[:, :3])
         batch.expand("body_quat")[:, body] = (turn * Rotation.from_rotvec(shift[:, 3:])).as_quat(scalar_first=True)
     qpos, qvel, bias = batch.bind("qpos"), batch.bind("qvel"), batch.bind("qfrc_bias")
-    place = np.tile(path.place, (len(worlds), 1, 1)) + (0 if way is None else way[:, 0])
-    rate = np.tile(path.rate, (len(worlds), 1, 1)) + (0 if way is None else way[:, 1])
+    place = np.tile(path.place, (len(worlds), 1, 1)) + (0 if deviation is None else deviation[:, 0])
+    rate = np.tile(path.rate, (len(worlds), 1, 1)) + (0 if deviation is None else deviation[:, 1])
     qpos[:, :6], qvel[:, :6] = place[:, rest.start], rate[:, rest.start]
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
     weight = np.linalg.solve(path.jacobian[rest.start], bias[:, :6].T).T

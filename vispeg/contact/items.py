@@ -18,10 +18,10 @@ from vispeg.contact.hand import Grasp
 from vispeg.contact.inputs import ContactItem, Touching
 from vispeg.contact.path import Path
 from vispeg.contact.phases import Phases
-from vispeg.contact.sensor import hand_world, readings, stands_for
+from vispeg.contact.sensor import hand_world, readings, true_per_read
 from vispeg.contact.thin import thinned, without
 from vispeg.contact.torques import calm
-from vispeg.contact.yielding import given_way
+from vispeg.contact.yielding import arm_displacement
 from vispeg.core.rules import RULES
 from vispeg.identify.channels import Channel
 from vispeg.recordings.cell import WrenchSensor
@@ -49,15 +49,17 @@ def driven(
     hand_worlds = [hand_world(item.source.believed, w) for w in worlds]
     wrench = np.stack([readings(item.path, item.armless, w) for w in hand_worlds])
     windows = item.phase.windows if windows is None else windows
-    cell, rest, way = item.source.scene, item.phase.rest, given_way(item, hand_worlds, wrench)
-    stands = _true_per_read(item, worlds)
-    return drive(item.armless, cell, item.path, hand_worlds, wrench, rest, windows, nthread, way=way, stands=stands)
+    cell, rest, off = item.source.scene, item.phase.rest, arm_displacement(item, hand_worlds, wrench)
+    gain = _true_per_read(item, worlds)
+    return drive(
+        item.armless, cell, item.path, hand_worlds, wrench, rest, windows, nthread, deviation=off, per_read=gain
+    )
 
 
 def _true_per_read(item: ContactItem, worlds: Sequence[World]) -> np.ndarray:
     """Return for each world the change of the true force per newton of change in the reading, (nworld,)."""
     hand_worlds = [hand_world(item.source.believed, w) for w in worlds]
-    return np.array([stands_for(item.path, item.armless, w) for w in hand_worlds])
+    return np.array([true_per_read(item.path, item.armless, w) for w in hand_worlds])
 
 
 def path_response(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.ndarray:
@@ -76,9 +78,9 @@ def path_response(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.nd
     world = hand_world(item.source.believed, World())
     wrench = np.repeat(readings(item.path, item.armless, world)[None], 6, axis=0)
     phase, scenes = item.phase, (item.armless, item.source.scene)
-    stands = _true_per_read(item, [World()] * 6)
-    out = drive(*scenes, item.path, [world] * 6, wrench, phase.rest, phase.windows, nthread, off, stands=stands)
-    return np.nan_to_num(phase.means(out.correction) - phase.means(nominal.correction)) / stands[0]
+    per_read = _true_per_read(item, [World()] * 6)
+    out = drive(*scenes, item.path, [world] * 6, wrench, phase.rest, phase.windows, nthread, off, per_read=per_read)
+    return np.nan_to_num(phase.means(out.correction) - phase.means(nominal.correction)) / per_read[0]
 
 
 def reading_response(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.ndarray:
@@ -98,14 +100,14 @@ def reading_response(item: ContactItem, nominal: Driven, nthread: int = 1) -> np
     """
     size, world = np.repeat([PUSH, LEVER * PUSH], 3), hand_world(item.source.believed, World())
     wrench = np.repeat(readings(item.path, item.armless, world)[None], 6, axis=0)
-    stands, phase = _true_per_read(item, [World()] * 6), item.phase
+    per_read, phase = _true_per_read(item, [World()] * 6), item.phase
     more = np.zeros_like(wrench)
-    more[:, phase.rest.stop :] = (np.diag(size) * stands[0])[:, None]
+    more[:, phase.rest.stop :] = (np.diag(size) * per_read[0])[:, None]
     out = drive(
         item.armless, item.source.scene, item.path, [world] * 6, wrench + more, phase.rest, phase.windows, nthread,
-        stands=stands,
+        per_read=per_read,
     )  # fmt: skip
-    change = (phase.means(nominal.correction) - phase.means(out.correction)) / stands[0] / size[:, None, None]
+    change = (phase.means(nominal.correction) - phase.means(out.correction)) / per_read[0] / size[:, None, None]
     remains = np.moveaxis(change, 0, 2)
     contact = phase.of(REGIMES[PRESS]) | phase.of(REGIMES[SLIDE]) | phase.of(REGIMES[INSIDE])
     return np.where((contact & np.isfinite(remains).all(axis=(1, 2)))[:, None, None], remains, np.eye(6))

@@ -147,7 +147,7 @@ def allowed(judged: ContactEvidence, models: Mapping[str, World]) -> list[Allowe
     return [cast("Allowed", {"model": name, **judged.taken(world)}) for name, world in models.items()]
 
 
-def told(verdict: Verdict, rows: Sequence[Allowed]) -> Verdict:
+def with_nuisance(verdict: Verdict, rows: Sequence[Allowed]) -> Verdict:
     """Mention in a verdict the nuisance that explains most of the final residual, if it explains at least `MOST`.
 
     An effect that looks like such a nuisance would not be detected.

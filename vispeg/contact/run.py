@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from vispeg.contact.again import last_judge
 from vispeg.contact.again.closed_loop import closed_loop
 from vispeg.contact.again.damping import struck
-from vispeg.contact.errors.noise import louder
+from vispeg.contact.errors.noise import excess_noise
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.inputs import touching
 from vispeg.contact.law import unsure
@@ -19,8 +19,8 @@ from vispeg.contact.record import (
     not_excited,
     phase_errors,
     shows_from,
-    told,
     where_it_fails,
+    with_nuisance,
     worst_left,
 )
 from vispeg.contact.remainder import judged as in_phases
@@ -88,7 +88,7 @@ def diagnose_contact(
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
     say("simulating impacts")
     hit = struck(state.world, fitted, held_out, nthread)
-    beside = (*louder(world, evidence.items, judged.items), *hit.effects)
+    beside = (*excess_noise(world, evidence.items, judged.items), *hit.effects)
     fitted_world = state.world.add(*beside)
     rests = [*remainder(evidence, state.world), *remainder(judged, state.world, held_out=True)]
     seen = (errors[0] / judged.floor, errors[1] / judged.floor)
@@ -101,7 +101,7 @@ def diagnose_contact(
     together = entangled.entangled(state.fit, n_fixed)
     verdict = weighed.judged(entangled.judged(layer.judged(verdict, corrected, n_fixed), together), tool)
     taken = allowed(judged, {"given": world, "corrected": state.world} if len(models) > 1 else {"given": world})
-    verdict = told(verdict, taken)
+    verdict = with_nuisance(verdict, taken)
     final = with_origin(
         corrected,
         n_fixed,

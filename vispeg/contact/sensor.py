@@ -35,7 +35,7 @@ def readings(path: Path, scene: Scene, world: World) -> np.ndarray:
     return reaction(wrench)
 
 
-def stands_for(path: Path, scene: Scene, world: World) -> float:
+def true_per_read(path: Path, scene: Scene, world: World) -> float:
     """Return the true force change per newton of a constant reading."""
     if not any(effect(e.effect).overrides("wrench") for e in world.effects):
         return 1.0

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vispeg.contact.touch import refuse_numb
+from vispeg.contact.touch import refuse_without_torques
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
@@ -33,7 +33,7 @@ def estimated(rec: Recording, scene: Scene) -> tuple[Recording, External]:
     Raises:
         UserError: no joint torques.
     """
-    refuse_numb(rec)
+    refuse_without_torques(rec)
     estimate = external(rec, scene.nominal)
     force, torque = estimate.noise
     noise = {**rec.noise, "ft": force, "ft_torque": torque}

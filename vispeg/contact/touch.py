@@ -16,7 +16,7 @@ from vispeg.task.belief import recorded_cell
 SENSORS = ("joint", "motor")
 
 
-def felt(recordings: Sequence[Recording]) -> bool:
+def has_wrench(recordings: Sequence[Recording]) -> bool:
     """Return whether all recordings have a wrench: a measured one, or one that joint torques can estimate.
 
     Estimates count only if at least one recording without a wrench touches the cell.
@@ -28,7 +28,7 @@ def felt(recordings: Sequence[Recording]) -> bool:
     touched = [rec for rec in without if touches(rec, recorded_cell(rec).scene)]
     for rec in touched:
         if rec.frames is None:
-            refuse_numb(rec)
+            refuse_without_torques(rec)
     return not without or (bool(touched) and all(map(torqued, without)))
 
 
@@ -37,7 +37,7 @@ def torqued(rec: Recording) -> bool:
     return rec.tau is not None and rec.torque_sensor in SENSORS and bool(np.isfinite(rec.tau).any())
 
 
-def refuse_numb(rec: Recording) -> None:
+def refuse_without_torques(rec: Recording) -> None:
     """Raise UserError if a recording of contact without a wrench has no joint torques either."""
     if not torqued(rec):
         raise UserError(

@@ -26,7 +26,7 @@ def yielding(world: World) -> World:
     return world.only(lambda e: effect(e.effect).overrides("yields"))
 
 
-def given_way(item: ContactItem, worlds: Sequence[World], wrench: np.ndarray) -> np.ndarray | None:
+def arm_displacement(item: ContactItem, worlds: Sequence[World], wrench: np.ndarray) -> np.ndarray | None:
     """Return the displacement of each world's hand from the measured path.
 
     Args:

@@ -19,7 +19,7 @@ SPREAD = 1.6  # standard deviation of a robust estimate from fourth differences,
 PARTS = {"force": slice(0, 3), "torque": slice(3, 6)}
 
 
-def heard(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
+def noise_at_rest(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
     """Return the white noise of each channel (6,) while the hand rests, N and N m, and its standard error."""
     begin, end = item.path.time[item.phase.rest.start], item.path.time[item.phase.rest.stop - 1]
     rest = item.path.rows[(item.path.clock >= begin) & (item.path.clock < end)]
@@ -29,14 +29,16 @@ def heard(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
 
 def noise(item: ContactItem) -> np.ndarray:
     """Return the noise (6,) N, N m: as stated, or as measured if that is clearly larger or none is stated."""
-    level, error = heard(item)
+    level, error = noise_at_rest(item)
     stated = wrench_noise(item.recording.noise)
     if stated is None:
         return level
-    return np.where(_louder([item])[0], np.maximum(level, stated), stated)
+    return np.where(_excess([item])[0], np.maximum(level, stated), stated)
 
 
-def louder(world: World, fitted: Sequence[ContactItem], held_out: Sequence[ContactItem]) -> tuple[EffectInstance, ...]:
+def excess_noise(
+    world: World, fitted: Sequence[ContactItem], held_out: Sequence[ContactItem]
+) -> tuple[EffectInstance, ...]:
     """Return `wrench_noise` in excess of the stated noise, if fitted and held-out recordings both show it.
 
     It is empty if `world` has that effect.
@@ -44,8 +46,8 @@ def louder(world: World, fitted: Sequence[ContactItem], held_out: Sequence[Conta
     items = [[i for i in group if wrench_noise(i.recording.noise) is not None] for group in (fitted, held_out)]
     if not all(items) or any(e.effect == "wrench_noise" for e in world.effects):
         return ()
-    more, level, error, stated = _louder(items[0])
-    more = more & _louder(items[1])[0]
+    more, level, error, stated = _excess(items[0])
+    more = more & _excess(items[1])[0]
     params = {}
     for name, part in PARTS.items():
         if more[part].any():
@@ -56,13 +58,13 @@ def louder(world: World, fitted: Sequence[ContactItem], held_out: Sequence[Conta
     return (replace(placed, params={**placed.params, **params}),) if params else ()
 
 
-def _louder(items: Sequence[ContactItem]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return which channels are louder than stated, (6,) bool, with measured noise, its error, stated noise.
+def _excess(items: Sequence[ContactItem]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return which channels have more noise than stated, (6,) bool, with measured noise, its error, stated noise.
 
     The three force channels are decided together, and so are the three torque channels. The excess must be larger than
     rounding and chance explain.
     """
-    values = [heard(i) for i in items]
+    values = [noise_at_rest(i) for i in items]
     level = np.sqrt(np.mean([s**2 for s, _ in values], axis=0))
     error = np.sqrt(np.sum([e**2 for _, e in values], axis=0)) / len(values)
     stated = np.sqrt(np.mean([np.square(_stated(i)) for i in items], axis=0))

@@ -15,7 +15,7 @@ from vispeg.diagnosis.findings import Score
 from vispeg.diagnosis.selection.state import State
 
 
-def alike(name: str, other: str) -> bool:
+def confusable(name: str, other: str) -> bool:
     """Return whether a motion is needed to distinguish two kinds of effect."""
     return name in effect(other).told_from or other in effect(name).told_from
 
@@ -23,13 +23,13 @@ def alike(name: str, other: str) -> bool:
 def lacking(placed: EffectInstance, rival: EffectInstance) -> set[str]:
     """Return the parameters that one effect uses and a near-confounded other has but leaves at null."""
     kind = effect(rival.effect)
-    if rival.effect == placed.effect or not alike(placed.effect, rival.effect):
+    if rival.effect == placed.effect or not confusable(placed.effect, rival.effect):
         return set()
     acts = [k for k, v in placed.params.items() if v.value != effect(placed.effect).params[k].null]
     return {k for k in acts if k in kind.params and rival.params[k].value == kind.params[k].null}
 
 
-def freed(search: ContactSearching, placed: EffectInstance, rival: EffectInstance) -> bool:
+def free_lacking(search: ContactSearching, placed: EffectInstance, rival: EffectInstance) -> bool:
     """Let fits free the parameters that a competitor lacks (see `lacking`); return whether it lacks any."""
     names = {(rival.effect, name) for name in lacking(placed, rival)}
     search.evidence.absent = search.evidence.absent - names
@@ -46,7 +46,7 @@ def refitted(search: ContactSearching, state: State, n_fixed: int) -> None:
     lone = {t.score.key: t.fit.world.effects[-1] for t in trials if not t.score.beside}
     others = [p for p in places(search.evidence, world) if p not in lone and lacking(placed, EffectInstance.of(*p))]
     felt = [s.placed for s in strongest(search.probed(world, others)) if s.gain > -np.inf] if others else []
-    again = [rival for rival in (*lone.values(), *felt) if freed(search, placed, rival)]
+    again = [rival for rival in (*lone.values(), *felt) if free_lacking(search, placed, rival)]
     if not again:
         return
     before = search.start(world, n_fixed)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import stats
 
 from vispeg.contact.evidence import ContactEvidence
-from vispeg.contact.selection.alike import alike, freed, refitted
+from vispeg.contact.selection.alike import confusable, free_lacking, refitted
 from vispeg.contact.selection.form import form
 from vispeg.contact.selection.likely import intervals
 from vispeg.contact.selection.profile import (
@@ -22,7 +22,7 @@ from vispeg.contact.selection.profile import (
     strongest,
 )
 from vispeg.contact.selection.screen import Probe, Screen
-from vispeg.contact.selection.spare import doubted, spared
+from vispeg.contact.selection.spare import remove_uncertain, remove_unneeded
 from vispeg.contact.selection.sparse import sparse
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
@@ -119,11 +119,11 @@ class ContactSearch(Search):
         """As for joints; intervals are costly here, so they are computed once, for the final effects."""
         n_fixed, self.runs = len(world.effects) if n_fixed is None else n_fixed, True
         state = super().run(world, n_fixed)
-        while spared(self, state, n_fixed):
+        while remove_unneeded(self, state, n_fixed):
             pass
         refitted(self, state, n_fixed)
         self.bound(state, n_fixed)
-        while doubted(self, state, n_fixed):
+        while remove_uncertain(self, state, n_fixed):
             self.bound(state, n_fixed)
         return state
 
@@ -160,7 +160,7 @@ class ContactSearch(Search):
     def reduced(
         self, worlds: Sequence[World], n_fixed: int, columns: Sequence[np.ndarray | None] | None = None
     ) -> list[Fit]:
-        """As for joints; cached, because the search for competing models reuses the fits of `spared`."""
+        """As for joints; cached, because the search for competing models reuses the fits of `remove_unneeded`."""
         if any(w.label not in self.lately for w in worlds):
             self.lately = dict(zip((w.label for w in worlds), super().reduced(worlds, n_fixed), strict=True))
         return [self.lately[w.label] for w in worlds]
@@ -309,11 +309,11 @@ class ContactSearch(Search):
         """
         where = [p for p in places(self.evidence, state.world) if p != (placed.effect, placed.where)]
         beside = {t.score.key for taken, trials in state.steps if taken.score.has(placed) for t in trials}
-        near = [p for p in where if p in beside or alike(p[0], placed.effect)]
+        near = [p for p in where if p in beside or confusable(p[0], placed.effect)]
         least = RULES.contact_rival * self._gain_of(state.world, placed)
         best = [s for s in strongest(self.probed(state.world, near))[: RULES.contact_paired] if s.gain > least]
         for s in best:
-            freed(self, placed, s.placed)
+            free_lacking(self, placed, s.placed)
         return best, len(where)
 
     def _gain_of(self, world: World, placed: EffectInstance) -> float:

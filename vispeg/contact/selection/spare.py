@@ -15,7 +15,7 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.selection.state import State
 
 
-def spared(search: ContactSearching, state: State, n_fixed: int) -> bool:
+def remove_unneeded(search: ContactSearching, state: State, n_fixed: int) -> bool:
     """Remove the effect that is needed least once the others are refitted; return False if all are needed.
 
     An early effect may imitate a later one. Derivatives cannot show this, as contacts begin and end with the change.
@@ -72,7 +72,7 @@ def too_small(placed: EffectInstance, least: Mapping[tuple[str, str], Mapping[st
     return bool(under) and all(under)
 
 
-def doubted(search: ContactSearching, state: State, n_fixed: int) -> bool:
+def remove_uncertain(search: ContactSearching, state: State, n_fixed: int) -> bool:
     """Remove an effect whose intervals include null or that is below its minimum detectable size; else return False.
 
     Acceptance is based on the best value only, while the interval covers all plausible values; and an effect below the
@@ -86,7 +86,7 @@ def doubted(search: ContactSearching, state: State, n_fixed: int) -> bool:
     search.say(f"{gone.label} {'is smaller than these recordings can show' if small else 'may be absent'}")
     world = state.world.without(gone.effect, gone.where)
     if len(some) > 1:
-        (fit,) = search.reduced([world], n_fixed)  # the same fit as in `spared`
+        (fit,) = search.reduced([world], n_fixed)  # the same fit as in `remove_unneeded`
         search.remove(state, fit, search.judge.losses([fit.world])[0])
         return True
     before = search.start(world, n_fixed)

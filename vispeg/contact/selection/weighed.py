@@ -75,11 +75,11 @@ def equivalent_tool(scene: Scene, scale: float) -> tuple[float, float]:
     return mass, float(np.clip(z, limits.low, limits.high))
 
 
-def judged(verdict: Verdict, alike: tuple[EffectInstance, ...]) -> Verdict:
-    """Return the verdict, changed from `identified` to `ambiguous` if `alike`, from `tool_instead`, is not empty."""
-    if verdict.verdict != "identified" or not alike:
+def judged(verdict: Verdict, confounded: tuple[EffectInstance, ...]) -> Verdict:
+    """Change `identified` to `ambiguous` if `confounded`, the result of `tool_instead`, is not empty."""
+    if verdict.verdict != "identified" or not confounded:
         return verdict
-    part, *tool = alike
+    part, *tool = confounded
     text = (
         f"{part.label} cannot be distinguished from {' with '.join(e.label for e in tool)}: these recordings show only "
         "the mass of part and tool together"
@@ -87,24 +87,24 @@ def judged(verdict: Verdict, alike: tuple[EffectInstance, ...]) -> Verdict:
     return Verdict("ambiguous", text, partial=verdict.partial)
 
 
-def with_tool(effects: list[FoundEffect], alike: tuple[EffectInstance, ...]) -> list[FoundEffect]:
+def with_tool(effects: list[FoundEffect], confounded: tuple[EffectInstance, ...]) -> list[FoundEffect]:
     """Return a record's `effects`, in which the part's mass lists those of the tool as indistinguishable from it.
 
-    Effects that have an entry of their own are not listed. `alike` is the result of `tool_instead`.
+    Effects that have an entry of their own are not listed. `confounded` is the result of `tool_instead`.
     """
     named = {e["effect"] for e in effects}
     for entry in effects:
-        if alike and (entry["effect"], entry["where"]) == (alike[0].effect, alike[0].where):
+        if confounded and (entry["effect"], entry["where"]) == (confounded[0].effect, confounded[0].where):
             named |= {e["effect"] for e in entry["indistinguishable_from"]}
-            others = [e for e in alike[1:] if e.effect not in named]
+            others = [e for e in confounded[1:] if e.effect not in named]
             entry["indistinguishable_from"] += [Place(effect=e.effect, where=e.where) for e in others]
     return effects
 
 
-def separating(alike: tuple[EffectInstance, ...]) -> NextMotion | None:
-    """Return the motion that distinguishes part and tool; None if `alike`, from `tool_instead`, is empty."""
-    if not alike:
+def separating(confounded: tuple[EffectInstance, ...]) -> NextMotion | None:
+    """Return the motion that distinguishes part and tool; None if `confounded`, from `tool_instead`, is empty."""
+    if not confounded:
         return None
-    part, *tool = alike
+    part, *tool = confounded
     why = f"distinguishes {part.label} from {' with '.join(e.label for e in tool)}; so does weighing the part by itself"
     return {"motion": "free, with and without the held part", "why": why}

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from vispeg.core.params import Param
-from vispeg.effects.common.appearance import PartLook, at, blend, pixels
+from vispeg.effects.common.appearance import PartLook, blend, pixels, where_nonzero
 from vispeg.effects.common.images import PICTURES, picked, picture
 
 
@@ -27,7 +27,7 @@ class ImageTexture(PartLook):
     writes = frozenset({"tex_data", "mat_texrepeat", "mat_rgba"})
 
     def write(self, fields, p):
-        for row, column, part in at(self.targets(fields.scene), p["amount"]):
+        for row, column, part in where_nonzero(self.targets(fields.scene), p["amount"]):
             value = {name: float(v[row, column]) for name, v in p.items()}
             texture = pixels(fields, row, part)
             image = picture(picked(PICTURES, value["pick"]), len(texture))

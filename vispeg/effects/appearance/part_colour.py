@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
-from vispeg.effects.common.appearance import at
+from vispeg.effects.common.appearance import where_nonzero
 from vispeg.effects.common.colour import rgb_of_hsv
 
 
@@ -31,7 +31,7 @@ class PartColour(Effect):
     def write(self, fields, p):
         colour = rgb_of_hsv(p["hue"], p["saturation"], p["value"])
         model = fields.model
-        for row, column, part in at(self.targets(fields.scene), p["amount"]):
+        for row, column, part in where_nonzero(self.targets(fields.scene), p["amount"]):
             amount = p["amount"][row, column]
             geoms = [model.geom(name).id for name in fields.scene.parts[part]]
             materials = {int(model.geom_matid[g]) for g in geoms}

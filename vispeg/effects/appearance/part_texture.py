@@ -11,7 +11,7 @@ import numpy as np
 
 from vispeg.core.params import Param
 from vispeg.core.seeds import stream
-from vispeg.effects.common.appearance import SEEDS, PartLook, at, blend, pixels
+from vispeg.effects.common.appearance import SEEDS, PartLook, blend, pixels, where_nonzero
 from vispeg.effects.common.colour import rgb_of_hsv
 from vispeg.effects.common.texture import CELLS, KINDS
 
@@ -36,7 +36,7 @@ class PartTexture(PartLook):
 
     def write(self, fields, p):
         makers = list(KINDS.values())
-        for row, column, part in at(self.targets(fields.scene), p["amount"]):
+        for row, column, part in where_nonzero(self.targets(fields.scene), p["amount"]):
             value = {name: float(v[row, column]) for name, v in p.items()}
             rng = stream(int(value["seed"]), "part_texture")
             pattern = makers[min(int(value["kind"]), len(makers) - 1)](rng)[..., None]

@@ -42,7 +42,7 @@ class SceneLook(Effect):
         return ["scene"] if getattr(model, "dressed", ()) else []
 
 
-def at(names: list[str], weight: np.ndarray) -> Iterator[tuple[int, int, str]]:
+def where_nonzero(names: list[str], weight: np.ndarray) -> Iterator[tuple[int, int, str]]:
     """Yield (row, column, name) of every place where `weight` (nsim, len(names)) is not 0."""
     for row, column in np.argwhere(weight != 0):
         yield int(row), int(column), names[column]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 
-def words(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+def random_words(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
     """Draw independent uint16 numbers of this shape, uniform over 0 to 65535.
 
     `rng` must return 64 bits a draw, as all bit generators of NumPy except MT19937 do.
@@ -24,7 +24,7 @@ def normal(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
 
     No number is beyond +-4.3. This takes a quarter of the time of NumPy's generator; a frame needs tens of thousands.
     """
-    return _quantiles().take(words(rng, shape))
+    return _quantiles().take(random_words(rng, shape))
 
 
 @lru_cache(maxsize=1)

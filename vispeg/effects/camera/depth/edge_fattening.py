@@ -16,7 +16,7 @@ import numpy as np
 from vispeg.core.params import Param
 from vispeg.effects.common.camera import CameraEffect
 from vispeg.effects.common.disparity import PARAMS, focal_baseline
-from vispeg.effects.common.field import words
+from vispeg.effects.common.field import random_words
 
 SLOPES = np.float32(2.0)  # at an edge the disparity rises more than this many times as far as it falls
 
@@ -57,7 +57,7 @@ class EdgeFattening(CameraEffect):
             if not len(at):
                 continue
             narrow = cv2.dilate(d, np.ones((2 * pixels + 1,) * 2, np.uint8)) if pixels else d
-            dice = words(rng[row], (2, len(at)))
+            dice = random_words(rng[row], (2, len(at)))
             taken = np.where(dice[0] < 65536 * part, high.take(at), narrow.take(at))
             lost = dice[1] < 65536 * float(p["reject"][row])
             straddles = taken - d.take(at) > edge.take(at)
