@@ -20,6 +20,8 @@ ROOT = Path(__file__).parents[2]
 MODULES = {
     "stable_baselines3": "stable-baselines3",
     "mujoco_menagerie": "mujoco-menagerie",
+    "mujoco_warp": "mujoco-warp",
+    "warp": "warp-lang",
 }  # whose packages have other names
 
 WORKS = """
@@ -76,6 +78,7 @@ perturb depth-S --out pushed-2
     "view": "view",
     "wandb": "train peg-state --wandb peg --out run-2",
     "menagerie": "compare panda --recording rig-a --out compared-2",
+    "warp": "train peg-state --recipe distill --teacher expert --engine warp --out run-3",
     "meshes": "evaluate expert --world own.yaml --episodes 1 --videos 0 --out meshes",
 }
 

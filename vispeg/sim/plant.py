@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from mujoco import batch as mjb
 
 from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import columns, compiled
+from vispeg.sim.engine import batch_of
 from vispeg.sim.physics import EffectLoop, Forces, derive
 from vispeg.sim.placement import Active, activate
 from vispeg.sim.state import DriveState, Fields
@@ -31,6 +31,7 @@ class Plant:
         tick: control period, s.
         nthread: threads of the batch.
         servo: whether commands are angles for position servos, so that command delays act on angles.
+        engine: of the physics, see `vispeg.sim.engine`.
 
     Attributes:
         x: the state that effects read.
@@ -40,12 +41,19 @@ class Plant:
     x: DriveState
 
     def __init__(
-        self, robot: RobotModel, worlds: Sequence[World], h: float, tick: float, nthread: int, servo: bool = False
+        self,
+        robot: RobotModel,
+        worlds: Sequence[World],
+        h: float,
+        tick: float,
+        nthread: int,
+        servo: bool = False,
+        engine: str = "c",
     ):
         self.robot, self.h, self.tick, self.nsim = robot, h, tick, len(worlds)
         active = self._active(worlds)
         self.model = compiled(robot, (a.effect.name for a in active))
-        self.batch = mjb.Batch(self.model, self.nsim, nthread=nthread)
+        self.batch = batch_of(engine, self.model, self.nsim, nthread, [a.effect.name for a in active])
         self.qadr = columns([self.model.joint(j).qposadr[0] for j in robot.joints])
         self.vadr = columns([self.model.joint(j).dofadr[0] for j in robot.joints])
         self.u = columns([self.model.actuator(j).id for j in robot.joints])
@@ -65,8 +73,7 @@ class Plant:
         derive(self.batch, fields)
         self.dry: np.ndarray | None = None
         if self.loop.frictions or "dof_frictionloss" in fields.touched:
-            self.loss = self.batch.expand("dof_frictionloss")
-            self.dry = self.loss[:, self.vadr].copy()
+            self.dry = self.batch.expand("dof_frictionloss")[:, self.vadr].copy()
             self.batch.expand("dof_solref")[:, self.vadr] = (2 * self.h, 1.0)
             self.batch.expand("dof_solimp")[:, self.vadr] = STIFF_FRICTION
         self.armature, self.damping = self._row_field("dof_armature"), self._row_field("dof_damping")
@@ -119,7 +126,7 @@ class Plant:
         """Compute the effects' torques in the coming step for `command` (nsim, nj) N m; also set the dry friction."""
         forces = self.loop.forces(command, self.x, self.dry)
         if forces.friction is not None:
-            self.loss[:, self.vadr] = forces.friction
+            self.batch.expand("dof_frictionloss")[:, self.vadr] = forces.friction
         return forces
 
     def step(self, command: np.ndarray, hold: np.ndarray | float) -> np.ndarray:

@@ -35,13 +35,21 @@ class Cell(Plant):
         worlds: one per row, already drawn.
         h, tick, nthread: physics step (s), control period (s), threads.
         names: effects that a row may have in any of its episodes.
+        engine: of the physics, see `vispeg.sim.engine`.
     """
 
     def __init__(
-        self, scene: Scene, worlds: Sequence[World], h: float, tick: float, nthread: int, names: Sequence[str]
+        self,
+        scene: Scene,
+        worlds: Sequence[World],
+        h: float,
+        tick: float,
+        nthread: int,
+        names: Sequence[str],
+        engine: str = "c",
     ):
         self.names = sorted(names, key=lambda n: (effect(n).order, n))
-        super().__init__(scene, worlds, h, tick, nthread)
+        super().__init__(scene, worlds, h, tick, nthread, engine=engine)
         names_of = {"goal": scene.goal, "tip": scene.tip_site, "flange": "flange"}
         self.site = {name: self.model.site(site).id for name, site in names_of.items()}
         self.site_pos, self.site_mat = self.batch.bind("site_xpos"), self.batch.bind("site_xmat")
@@ -96,7 +104,7 @@ class Cell(Plant):
             if self.filtered:
                 self._firm()
         if self.dry is not None:
-            self.dry[rows] = self.loss[rows][:, self.vadr]
+            self.dry[rows] = self._row_field("dof_frictionloss")[rows]
         self.armature, self.damping = self._row_field("dof_armature"), self._row_field("dof_damping")
         self.batch.reset(ids=rows, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self.qpos[rows] = self.model.qpos0

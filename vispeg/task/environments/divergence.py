@@ -43,6 +43,7 @@ def leave(folder: Path, sim: TaskSimulation, row: int, world: World, file: World
         "format": FORMAT,
         "seed": seed,
         "obs_mode": sim.obs_mode,
+        "engine": sim.engine,
         "push": None if push is None else {**asdict(push), "force": np.asarray(push.force).tolist()},
         "actions": [action.tolist() for action in sim.acted[row]],
     }

@@ -27,6 +27,7 @@ class _Pushed(BaseModel):
 class _Told(BaseModel):
     seed: Annotated[int, Field(ge=0)]
     obs_mode: str
+    engine: str = "c"
     push: _Pushed | None = None
     actions: Annotated[list[list[float]], Field(min_length=1)]
 
@@ -58,7 +59,7 @@ def replay(folder: str | Path) -> tuple[TaskVec, np.ndarray]:
     """
     path = Path(folder) / EPISODE
     record = typed(_Told, LEFT.read(path), path)
-    env = TaskVec(1, Path(folder) / WORLD, record.obs_mode, autoreset_mode="Disabled")
+    env = TaskVec(1, Path(folder) / WORLD, record.obs_mode, autoreset_mode="Disabled", engine=record.engine)
     actions = np.asarray(record.actions, float)[:, None]
     if actions.shape[2] != len(env.config.dof):
         expected = f"{len(env.config.dof)} numbers each, as the world's task says"

@@ -57,10 +57,17 @@ class TaskSimulation:
         nsim: number of rows.
         obs_mode: observation mode; it decides whether policies are told the goal or only its nominal place.
         nthread: threads of the physics.
+        engine: of the physics, see `vispeg.sim.engine`.
     """
 
     def __init__(
-        self, world: World | RandomizedWorld, config: TaskConfig, nsim: int, obs_mode: str = "state", nthread: int = 1
+        self,
+        world: World | RandomizedWorld,
+        config: TaskConfig,
+        nsim: int,
+        obs_mode: str = "state",
+        nthread: int = 1,
+        engine: str = "c",
     ):
         cameras = config.cameras if MODES[obs_mode] else ()
         self.world, self.nsim, self.obs_mode = physical(RandomizedWorld.of(world)), nsim, obs_mode
@@ -70,7 +77,7 @@ class TaskSimulation:
         self.observed, self.reward = Observation(self.task.terms, config), config.rewards.of(config.reward)
         self.levels: Mapping[str, float] | float = 1.0
         self.drawn = [self.world.sample(0, self.scene)] * nsim  # the world of each row's present episode
-        self.nthread = nthread
+        self.nthread, self.engine = nthread, engine
         posture = home(self.scene)
         self.control = PoseControl(self.scene.nominal, nsim, config, posture, nthread)
         self.guards = Guards(config, self.scene, nsim)
@@ -99,7 +106,7 @@ class TaskSimulation:
         """Build the batch of cells; only effects of these names can be active in its rows."""
         c = self.config
         h, tick = c.control_period / c.substeps, c.control_period
-        cell = Cell(self.scene, self.drawn, h, tick, self.nthread, sorted(names))
+        cell = Cell(self.scene, self.drawn, h, tick, self.nthread, sorted(names), self.engine)
         weight = self.control.nominal.gravity(self.home).copy()
         mass = self.control.nominal.operational(self.home)[0]
         apparent = 1.0 / np.diagonal(np.linalg.inv(mass), axis1=1, axis2=2)

@@ -98,7 +98,8 @@ MEANT = {  # name in other libraries -> name here, where the spelling is too dif
     **dict.fromkeys(("horizon", "max_steps", "episode_length"), "steps"),
     **dict.fromkeys(("resolution", "width", "height", "img_size"), "image_size"),
     **dict.fromkeys(("threads", "num_threads", "n_threads"), "nthread"),
-    **dict.fromkeys(("renderer", "engine"), "backend"),
+    **dict.fromkeys(("physics", "simulator"), "engine"),
+    "renderer": "backend",
     "frame_stack": "stack",
 }
 TOLERANCE = ("tolerance", "gap", "play")  # names that users may try for the setting of `TaskConfig.tolerance`
@@ -128,6 +129,7 @@ class TaskVec(VectorEnv):
         autoreset_mode: NEXT_STEP (gymnasium's default: the step after an episode's end begins the next one), SAME_STEP
             (the observation at the end is in `infos["final_obs"]`) or DISABLED.
         nthread: threads of the physics.
+        engine: of the physics: `c`, MuJoCo, or `warp`, MuJoCo Warp (extra `warp`), for many environments on a GPU.
         backend: of the renderer, for image modes.
         render_mode: None or `rgb_array`.
         dump: folder in which episodes that diverge are saved for `vispeg.task.environments.replay.replay`.
@@ -147,6 +149,7 @@ class TaskVec(VectorEnv):
         seed: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         nthread: int = 1,
+        engine: str = "c",
         backend: str = "auto",
         render_mode: str | None = None,
         dump: str | Path | None = None,
@@ -157,7 +160,7 @@ class TaskVec(VectorEnv):
     ):
         made = {"num_envs": num_envs, "world": world, "obs_mode": obs_mode, "seed": seed, "nthread": nthread}
         made |= {"autoreset_mode": autoreset_mode, "backend": backend, "render_mode": render_mode, "dump": dump}
-        made |= {"privileged": privileged, "depth_image": depth_image, "measured": measured}
+        made |= {"privileged": privileged, "depth_image": depth_image, "measured": measured, "engine": engine}
         self._made = {**made, **settings}
         if obs_mode not in MODES:
             raise UserError("unknown observation mode", key="obs_mode", got=obs_mode, choices=MODES)
@@ -173,7 +176,7 @@ class TaskVec(VectorEnv):
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 1 / self.config.policy_period}
         self.metadata["autoreset_mode"] = self.autoreset_mode
-        self.sim = TaskSimulation(self.world, self.config, num_envs, obs_mode, nthread)
+        self.sim = TaskSimulation(self.world, self.config, num_envs, obs_mode, nthread, engine)
         self.eyes = self.rig(backend=backend)
         self.further: list[CameraRig] = []  # further rigs that see the rows with other looks; image keys `KEY@1`, ...
         count = self.sim.seen.readings().shape[1] if measured else 0
