@@ -173,3 +173,23 @@ def test_a_run_says_how_it_stands(begun, tmp_path):
     run = resume(tmp_path / "run")
     assert [float(row["success"]) for row in run.history] == [0.4, 0.94] and run.world == "searching"
     assert "94%" in run._repr_html_() and run.settings == {"clearance_mm": 0.5}
+
+
+def test_an_engine_is_for_the_imitation_of_a_teacher(refused):
+    imitation = ("imitation of a teacher", "the recipe distill")
+    refused(("train", "peg-state", "--engine", "warp", "--out", "run"), "engine", *imitation, "got 'sac'")
+    beside = ("--recipe", "distill", "--dataset", "demos")
+    refused(("train", "peg-depth", "--engine", "warp", "--out", "run", *beside), *imitation, "got 'a dataset'")
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+def test_an_expert_is_imitated_on_the_other_engine(vispeg, tmp_path):
+    """In pictures too, which show the state of the rows; evaluations are on MuJoCo itself."""
+    pytest.importorskip("mujoco_warp")
+    small = "--envs 3 --distill-steps 12 --distill-updates 2 --episodes 2 --films 0 --quiet --recipe distill".split()
+    for task in ("peg-state", "peg-depth"):
+        code, _, err = vispeg("train", task, "--engine", "warp", "--teacher", "expert", "--out", task, *small)
+        assert code == 0, err
+        assert read_config(tmp_path / task / "config.yaml").engine == "warp"
+        assert (tmp_path / task / "checkpoints" / "best" / "policy.json").exists()

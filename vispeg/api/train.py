@@ -13,6 +13,7 @@ from vispeg.api.policies import load_policy
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.report.text.summary import Block, Line, html
+from vispeg.sim.engine import Engine
 
 if TYPE_CHECKING:
     from vispeg.learn.policy import Policy
@@ -79,6 +80,7 @@ def train(
     seed: int = 0,
     envs: int = 16,
     threads: int = 1,
+    engine: Engine = "c",
     utd: float | None = None,
     recurrent: int = 0,
     symmetric: bool = False,
@@ -112,6 +114,8 @@ def train(
         seed: seed of networks, exploration and episodes.
         envs: number of environments in one batch.
         threads: number of threads for physics and for networks.
+        engine: physics of training: c, or warp for MuJoCo Warp on a GPU, for imitation of a teacher. Evaluations are on
+            c.
         utd: number of critic updates per environment step.
         recurrent: width of an LSTM in place of stacked observations; 0 for none.
         symmetric: let critics observe what the actor observes, in place of ground truth (slower; for comparison).
@@ -134,6 +138,8 @@ def train(
         UserError: no such world or teacher, `task` is not the world's, an impossible number, or `out` holds anything
             but a stopped run of this configuration.
     """
+    if engine != "c":
+        require("mujoco_warp", f"--engine {engine}")
     if wandb is not None:  # before torch is imported, so that a missing wandb is reported at once
         require("wandb", "--wandb")
     require("torch", "training")
@@ -171,6 +177,7 @@ def train(
         distill={} if recipe == "sac" else dict(distill or {}),
         device=device,
         threads=threads,
+        engine=engine,
         ranges=ranges,
         wandb=wandb or "",
     )

@@ -57,8 +57,8 @@ def policies(call: Call, family: str | None = None, search: str | None = None) -
     steps=Option(default=None, group="learning"),
     tolerance=replace(TOLERANCE, group="task"),
     **under("task", "world", "curriculum", "start_radius", "stack", "dof", "reward", "ranges"),
-    **under("learning", "recipe", "target", "seed", "envs", "threads", "device", "utd", "recurrent", "symmetric"),
-    **under("learning", "replay"),
+    **under("learning", "recipe", "target", "seed", "envs", "threads", "engine", "device", "utd", "recurrent"),
+    **under("learning", "symmetric", "replay"),
     **under("imitation", "teacher", "dataset", "distill_steps", "distill_updates", "distill_looks"),
     **under("evaluation", "every", "episodes", "films", "wandb"),
 )
@@ -88,6 +88,7 @@ def train(
         vispeg train {task}-state --world P --dof x y z rx ry --stack 4
         vispeg train {task}-depth --recipe distill+sac --teacher runs/{task}-state/best
         vispeg train {task}-depth --recipe distill --dataset demos
+        vispeg train {task}-state --recipe distill --teacher expert --engine warp --envs 1024
         vispeg train --resume runs/{task}-state/20261121-0900_s0 --steps 200000
 
     Args:

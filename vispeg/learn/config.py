@@ -14,6 +14,7 @@ from vispeg.core.files import write_text_atomic
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.typed import typed
 from vispeg.learn.settings import SacSettings
+from vispeg.sim.engine import ENGINES
 from vispeg.task.registry import FIRST, kind_of
 
 FORMAT = "vispeg-train/1"
@@ -66,6 +67,7 @@ class TrainConfig:
         distill: DistillSettings fields that replace the defaults.
         device: `cpu`, `cuda` or `auto`.
         threads: number of threads, for the physics and for the networks.
+        engine: of the physics of training, see `vispeg.sim.engine`; evaluations are always on `c`.
         ranges: how the world's ranges open during reinforcement learning: `full` draws from the full ranges from the
             first step on, `schedule` widens them over the first half of the steps, `adaptive` widens each one as the
             policy succeeds at its edge.
@@ -90,6 +92,7 @@ class TrainConfig:
     distill: Mapping[str, Any] = field(default_factory=dict)
     device: str = "cpu"
     threads: int = 1
+    engine: str = "c"
     ranges: str = "full"
     wandb: str = ""
 
@@ -99,6 +102,14 @@ class TrainConfig:
                 raise UserError("must be at least 1", key=key, got=getattr(self, key))
         if self.recipe not in RECIPES:
             raise UserError("no such recipe", key="recipe", got=self.recipe, choices=RECIPES)
+        if self.engine not in ENGINES:
+            raise UserError("no such engine", key="engine", got=self.engine, choices=ENGINES)
+        if self.engine != "c" and (self.recipe != "distill" or self.dataset is not None):
+            got = "a dataset" if self.dataset is not None else self.recipe
+            expected = "the recipe distill with a teacher"
+            raise UserError(
+                f"{self.engine} is for the imitation of a teacher", key="engine", expected=expected, got=got
+            )
         if not all(self.task.partition("-")):
             raise UserError("no such task", key="task", got=self.task, expected="LABEL-MODALITY")
         if self.teacher is not None and self.dataset is not None:

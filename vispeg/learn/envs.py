@@ -17,7 +17,9 @@ MakeEnv = Callable[[int, Mapping[str, Any]], VectorEnv]  # (rows, task settings)
 HELD_OUT = 2**31  # seeds from here on are never drawn by training, whose seeds are below it
 
 
-def maker(senses: Modality, world: str, sac: SacSettings, threads: int, dump: Path | None = None) -> MakeEnv:
+def maker(
+    senses: Modality, world: str, sac: SacSettings, threads: int, dump: Path | None = None, engine: str = "c"
+) -> MakeEnv:
     """Return a function that makes environments of a world's task, observed in one modality.
 
     An episode that diverges is written into the folder `dump`, if one is named, so that it can be replayed.
@@ -27,10 +29,8 @@ def maker(senses: Modality, world: str, sac: SacSettings, threads: int, dump: Pa
         from vispeg.task.environments.vector import TaskVec
 
         merged = {"stack": 1, **settings} if sac.recurrent else dict(settings)
-        mode = AutoresetMode.DISABLED
-        return TaskVec(
-            rows, world, senses.obs_mode, autoreset_mode=mode, nthread=threads, dump=dump, privileged=True, **merged
-        )
+        run: Any = {"autoreset_mode": AutoresetMode.DISABLED, "nthread": threads, "engine": engine, "dump": dump}
+        return TaskVec(rows, world, senses.obs_mode, privileged=True, **run, **merged)
 
     return make
 

@@ -64,7 +64,8 @@ class SacRun:
         torch.set_num_threads(config.threads)
         self.config, self.folder, self.show = config, folder, show
         self.modality = modality_of(config.modality)
-        self.make = make or maker(self.modality, config.world, config.sac, config.threads, folder / DIVERGED)
+        made_of = self.modality, config.world, config.sac, config.threads, folder / DIVERGED
+        self.make, self.make_judge = make or maker(*made_of, config.engine), make or maker(*made_of)
         self.course = Curriculum(config.stages, config.pass_rate)
         self.env, self.judge = self._environments()
         self.opening: Opening | None = None
@@ -92,7 +93,7 @@ class SacRun:
     def _environments(self) -> tuple[Sb3Env, Any]:
         settings = self.course.settings(self.config.settings)
         env = self.make(self.config.envs, settings)
-        judge = self.make(min(self.config.episodes, EVALUATION_ROWS), settings)
+        judge = self.make_judge(min(self.config.episodes, EVALUATION_ROWS), settings)
         for vec in (env, judge):
             if hasattr(vec, "set_level"):
                 vec.set_level(self.course.stage.level)
