@@ -90,7 +90,7 @@ def test_the_shares_of_the_table_are_those_of_the_report(page):
     each = [100 * share for joint in report.joints for share in joint.excitation.identifiability.values()]
     assert [float(c) for c in cells] == pytest.approx([*each, *each], rel=0.06)
     weak = sum(share < 2 for share in each)
-    assert page.count("cannot be told</span>") == 2 * weak
+    assert page.count("not determined</span>") == 2 * weak
 
 
 def test_a_clean_recording_has_a_page_without_a_warning():

@@ -1,6 +1,6 @@
 """Simulate the hands of many worlds along one measured path under the measured wrench, in one MuJoCo batch.
 
-A hand is the cell without its arm, held to the path by springs (`vispeg.contact.hand`); to drive it is to simulate it.
+A hand is the cell without its arm, held to the path by springs (`vispeg.contact.hand`). Driving it is simulating it so.
 """
 
 from __future__ import annotations

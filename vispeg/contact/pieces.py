@@ -22,8 +22,8 @@ from vispeg.effects.contact.contact_stiffness import scaled
 from vispeg.robots.scene import TOUCHED, UNTOUCHED, Scene
 
 BELOW = 1e-3  # m below the mouth at which a tip that rests on the top may still be measured
-SLIDES, STEADY = 0.01, 0.02  # m/s across; s over which a speed is averaged
-LEAST = 0.03  # smallest share of a contact's damping
+SLIDES, STEADY = 0.01, 0.02  # m/s, horizontal speed above which a tip slides; s over which the position is averaged
+LEAST = 0.03  # smallest share to which a contact's damping is reduced
 # places of a tip: over the mouth or its rim; inside, below the bevel; on the block beside the rim; there and sliding
 OVER, INSIDE, BESIDE, ALONG = range(4)
 

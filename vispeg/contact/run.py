@@ -48,7 +48,7 @@ def evidence_of(recordings: Sequence[Recording], nthread: int = 1) -> ContactEvi
     """Return the evidence of contact recordings.
 
     Raises:
-        UserError: a recording without a wrench, or one that begins in contact.
+        UserError: a recording with neither wrench nor joint torques, or one that begins in contact.
     """
     return ContactEvidence([touching(r) for r in recordings], nthread=nthread)
 
@@ -72,7 +72,7 @@ def diagnose_contact(
     Partial effects of contact in `world` are refitted.
 
     Raises:
-        UserError: recordings without a wrench, or none that begins in free air.
+        UserError: a recording with neither wrench nor joint torques, or one that begins in contact.
     """
     evidence, judged = evidence_of(fitted, nthread), evidence_of(held_out, nthread)
     judge = Judge(judged)

@@ -25,8 +25,8 @@ def hand_world(believed: World, world: World) -> World:
     return believed.add(*world.effects).only(lambda e: shows(effect(e.effect), "wrench"))
 
 
-def readings(path: Path, scene: Scene, world: World) -> np.ndarray:
-    """Return the wrench on the tool (n, 6) N, N m, if the sensor is as in the world."""
+def true_wrench(path: Path, scene: Scene, world: World) -> np.ndarray:
+    """Return the true wrench on the tool (n, 6) N, N m, if the sensor has the errors that it has in the world."""
     wrench = reaction(path.wrench)
     placed = [(effect(e.effect), e.params) for e in world.effects]
     for kind, params in sorted(placed, key=lambda p: -p[0].order):
@@ -40,7 +40,7 @@ def true_per_read(path: Path, scene: Scene, world: World) -> float:
     if not any(effect(e.effect).overrides("wrench") for e in world.effects):
         return 1.0
     constant = replace(path, wrench=np.ones_like(path.wrench))
-    more = readings(replace(path, wrench=2 * constant.wrench), scene, world) - readings(constant, scene, world)
+    more = true_wrench(replace(path, wrench=2 * constant.wrench), scene, world) - true_wrench(constant, scene, world)
     return float(more.mean())
 
 

@@ -53,7 +53,7 @@ def without(phase: Phases, read: np.ndarray) -> Phases:
 
 
 def pieces(phase: Phases) -> tuple[slice, ...]:
-    """Return one in `PART` of the pieces of the windows."""
+    """Return every `PART`-th piece of the windows, each of up to `PIECE` blocks, as ranges of the path's samples."""
     size = PIECE * phase.size
     every = [slice(a, min(a + size, w.stop)) for w in phase.windows for a in range(w.start, w.stop, size)]
     return tuple(every[::PART])
@@ -68,7 +68,7 @@ def driven_blocks(phase: Phases, windows: Sequence[slice]) -> np.ndarray:
 
 
 def _spread(flag: np.ndarray, most: float) -> np.ndarray:
-    """Return `most` of the flagged blocks, (m,) bool, in chunks spread evenly; all if there are no more."""
+    """Return about `most` of the flagged blocks, (m,) bool, in chunks spread evenly; all if there are no more."""
     rows = np.flatnonzero(flag)
     chunks = np.array_split(rows, max(1, len(rows) // CHUNK))
     some = np.linspace(0, len(chunks) - 1, max(1, min(len(chunks), int(most / CHUNK)))).round().astype(int)

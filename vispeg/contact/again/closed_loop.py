@@ -87,7 +87,7 @@ def _trial(run: Touch, measured: Touch, rate: float, outcome: Outcome) -> Trial:
     """Summarise one run: peak wrist force, time in contact, distance of the tip from the measured one, outcome."""
     n = min(len(run.tip), len(measured.tip))
     before = ~np.logical_or.accumulate(run.touching[:n] | measured.touching[:n])
-    above = before & (measured.tip[:n, 2] > 0)  # the goal's mouth; inside, contact may be undetectable
+    above = before & (measured.tip[:n, 2] > 0)  # relative to the goal's mouth; inside, contact may be undetectable
     off = np.linalg.norm(run.tip[:n][above] - measured.tip[:n][above], axis=1)
     out: Trial = {
         "peak_force": float(np.nanmax(run.force)),

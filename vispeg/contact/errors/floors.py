@@ -19,7 +19,7 @@ from vispeg.contact.errors.noise import noise
 from vispeg.contact.inputs import ContactItem
 from vispeg.contact.path import PATH_HZ, Path
 from vispeg.contact.phases import NAMES
-from vispeg.contact.sensor import REACH, hand_world, readings
+from vispeg.contact.sensor import REACH, hand_world, true_wrench
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.recordings.differentiate import smooth
@@ -37,7 +37,7 @@ def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
     """
     path, phase, rec = item.path, item.phase, item.recording
     world = hand_world(item.source.believed, World())
-    wrench = readings(path, item.armless, world)[None]
+    wrench = true_wrench(path, item.armless, world)[None]
     rng = stream(0, "contact floor")
     place, rate = _noisy(once.place[0], path.time, path.clock, float(np.mean(noise_of(rec)["q"])) * REACH, rng)
     read = wrench[0] - once.zero + np.nan_to_num(once.correction[0])

@@ -253,9 +253,10 @@ def _tool(item: ContactItem) -> tuple[float, np.ndarray]:
 
 
 def _stuck(item: ContactItem) -> list[np.ndarray]:
-    """Return the wrench due to the uncertain sticking point of a contact: its position, or impacts of the slide.
+    """Return the wrench along the surface due to the uncertain sticking point of a contact.
 
-    The hand's springs push along the surface by that displacement.
+    It is the force of the hand's springs for a position error of the kinematics, and a share of the impacts of the
+    slide before.
     """
     phase, turn = item.phase, _turn(item)
     blows = np.linalg.norm(phase.scatter(item.path.wrench[:, :3]), axis=1)

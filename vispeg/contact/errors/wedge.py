@@ -21,8 +21,8 @@ from vispeg.sim.compiled import compiled
 def softness(scene: Scene) -> float:
     """Return the compliance in m/N of one contact of the held part at low force: `(1 - d) w / (d k)`.
 
-    With `k = d / (d1 T z)^2` of solref (T, z) and solimp (d, d1, ..), and the inverse weight w of its body. Source:
-    MuJoCo 4.0 manual, Modeling, Solver parameters.
+    Here `k = d / (d1 T z)^2` with solref (T, z) and solimp (d, d1, ..), and w is the inverse weight of the part's body.
+    Source: MuJoCo 4.0 manual, Modeling, Solver parameters.
     """
     model = compiled(scene)
     body, geom = model.body(scene.held).id, shapes(model, scene.held)[0]

@@ -45,7 +45,7 @@ def judged(verdict: Verdict, sets: Sequence[Together]) -> Verdict:
 
 
 def beside(effects: list[FoundEffect], sets: Sequence[Together]) -> list[FoundEffect]:
-    """Return the effects of a record, each with those that it can only be determined together with."""
+    """Add to each effect of a record those with which only a combination is determined; return the effects."""
     for some in sets:
         for a in some:
             entry = next(e for e in effects if (e["effect"], e["where"]) == (a.effect, a.where))

@@ -1,4 +1,7 @@
-"""Part of a squared residual due to error of form: correlated between adjacent blocks, unlike white noise."""
+"""Error of form: the part of a squared residual that comes from the contact law's own error (model discrepancy).
+
+Unlike white noise, it is correlated between adjacent blocks.
+"""
 
 from __future__ import annotations
 

@@ -8,12 +8,12 @@ from vispeg.worlds.world import World
 
 
 def judged(verdict: Verdict, world: World, n_fixed: int) -> Verdict:
-    """Change `identified` to `ambiguous` for a softer contact with a part that is met sooner, as with a layer.
+    """Change `identified` to `ambiguous` if a softer contact and a higher part were added, as a layer would look.
 
-    If walls are hardly touched, no recording distinguishes a layer from the two.
+    If walls are hardly touched, no recording distinguishes a layer from these two effects.
 
     Args:
-        verdict: of the search.
+        verdict: the verdict of the search.
         world: the corrected model.
         n_fixed: number of effects given by the user.
     """
@@ -32,6 +32,6 @@ def judged(verdict: Verdict, world: World, n_fixed: int) -> Verdict:
 
 
 def _higher(placed: EffectInstance) -> bool:
-    """Return whether it is a pose with which a part meets its counterpart sooner over the whole interval."""
+    """Return whether an effect is a pose of which the whole interval makes parts touch sooner than nominal."""
     z = placed.params.get("z") if effect(placed.effect).posed else None
     return z is not None and (z.value if z.low is None else z.low) > 0.0

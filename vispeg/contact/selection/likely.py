@@ -79,7 +79,7 @@ class Ways:
 
 
 def intervals(evidence: ContactEvidence, fit: Fit) -> tuple[World, np.ndarray]:
-    """Return the fitted world with these intervals, and the coordinates (naxis,) of the least residual found."""
+    """Return the fitted world with intervals of its values, and the coordinates (naxis,) of the least residual."""
     low, high = fit.space.bounds
     ways = Ways(evidence, fit)
     for shares in ROUNDS:
@@ -120,7 +120,7 @@ def absent(evidence: ContactEvidence, fit: Fit, axes: Sequence[int], null: np.nd
 
 
 def _rays(evidence: ContactEvidence, fit: Fit) -> list[Ray]:
-    """Return rays both ways along each coordinate; the others follow the derivatives or, on further rays, stay."""
+    """Return rays in both directions along each coordinate; the others follow the derivatives, or stay (more rays)."""
     n = len(fit.u)
     info = fit.jacobian.T @ fit.jacobian
     size = np.sqrt(np.maximum(np.diag(info), FLAT))

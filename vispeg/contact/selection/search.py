@@ -85,9 +85,9 @@ class ContactSearch(Search):
         return self.need(min(1.0, float(np.mean(residual**2))))
 
     def beyond(self, cost: float, quantile: float) -> float:
-        """Return the drop beyond a chi-squared quantile, if a fit leaves `cost` variances of floors.
+        """Return the drop for a chi-squared `quantile`, if a fit leaves a mean squared whitened residual of `cost`.
 
-        It is at least the roughness of contacts that begin and end.
+        It is at least the roughness of the residual due to contacts that begin and end.
         """
         return max(
             self.evidence.correlated * self.evidence.variance(cost) * quantile, RULES.chatter * self.evidence.rough
@@ -116,7 +116,7 @@ class ContactSearch(Search):
         return state
 
     def run(self, world: World, n_fixed: int | None = None) -> State:
-        """As for joints; intervals are costly here, so they are computed once, for the final effects."""
+        """Search as for joints; intervals are costly here, so they are computed once, for the final effects."""
         n_fixed, self.runs = len(world.effects) if n_fixed is None else n_fixed, True
         state = super().run(world, n_fixed)
         while remove_unneeded(self, state, n_fixed):
@@ -160,7 +160,7 @@ class ContactSearch(Search):
     def reduced(
         self, worlds: Sequence[World], n_fixed: int, columns: Sequence[np.ndarray | None] | None = None
     ) -> list[Fit]:
-        """As for joints; cached, because the search for competing models reuses the fits of `remove_unneeded`."""
+        """Fit as for joints; cached, because the search for competing models reuses the fits of `remove_unneeded`."""
         if any(w.label not in self.lately for w in worlds):
             self.lately = dict(zip((w.label for w in worlds), super().reduced(worlds, n_fixed), strict=True))
         return [self.lately[w.label] for w in worlds]

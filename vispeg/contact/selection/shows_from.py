@@ -51,7 +51,7 @@ def least_sizes(search: ContactSearch, world: World) -> dict[tuple[str, str], di
 
 
 def surely(evidence: ContactEvidence, drop: float) -> float:
-    """Return d^2 for a residual change of norm d that a fit removes with a drop over `drop`, with probability `power`.
+    """Return d^2 of a residual change of norm d that a fit removes with a drop over `drop`, with probability `power`.
 
     The fit lowers the squared residual by d^2 + 2 d e, where e is the error along that change, with the variance used
     for acceptance.
@@ -63,7 +63,7 @@ def surely(evidence: ContactEvidence, drop: float) -> float:
 def shown_from(probes: Sequence[Probe], need: float) -> dict[tuple[str, str], dict[str, float]]:
     """Return for each (effect, place) the least distance of each parameter from null that is detectable.
 
-    Detectable is a change of the squared residual by `need`. The distance of a scale is its factor; it is infinite if
+    A change of the squared residual by `need` is detectable. The distance of a scale is its factor; it is infinite if
     no size in the range is detectable. For each sign it is scaled down from the nearest detectable size, as if the
     change of the residual grew linearly, but not below a size that is not detectable.
     """
@@ -101,6 +101,6 @@ def value(name: str, parameter: str, size: float) -> float:
 
 
 def further(name: str, parameter: str, size: float, times: float) -> float:
-    """Return a size `times` as far from null; infinite beyond the parameter's range."""
+    """Return a size that is `times` times as far from null; infinity beyond the parameter's range."""
     log = effect(name).params[parameter].scale == "log"
     return within(name, parameter, float(size**times if log else size * times))

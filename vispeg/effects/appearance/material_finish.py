@@ -15,7 +15,7 @@ FIELDS = {"specular": "mat_specular", "shininess": "mat_shininess", "reflectance
 
 
 class MaterialFinish(PartLook):
-    """Specularity, reflectance and metalness of a material."""
+    """Highlights, reflectance and metalness of a material."""
 
     name = "material_finish"
     params = {

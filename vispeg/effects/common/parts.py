@@ -43,7 +43,7 @@ def goal(model: Any) -> list[str]:
 
 
 def body_of(part: str) -> str:
-    """Return the body of a part. The table has none: its shape belongs to the world."""
+    """Return the name of a part's body. The table has no body: its shape belongs to the world."""
     return "tool" if part == HAND else part
 
 

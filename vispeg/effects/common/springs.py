@@ -27,9 +27,9 @@ AXES = {  # parameter -> joint type and axis
     "pitch": (HINGE, (0, 1, 0)),
 }
 LOCKED = {SLIDE: 1e-7, HINGE: 1e-5}  # m/N, rad/(N m): 1 um at 10 N
-EFFECTIVE = {SLIDE: 1.0, HINGE: 2e-3}  # kg, kg m^2
-RATIO, STEP = 0.7, 2e-3
-TOLERANCE = 1e-10  # of the solver
+EFFECTIVE = {SLIDE: 1.0, HINGE: 2e-3}  # kg, kg m^2, inertia of a spring
+RATIO, STEP = 0.7, 2e-3  # damping ratio; s, longest physics step for which the inertia suffices
+TOLERANCE = 1e-10  # tolerance of the solver in models with springs
 WRITES = frozenset({"jnt_stiffness", "dof_armature", "dof_damping"})
 
 

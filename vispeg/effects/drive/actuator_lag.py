@@ -30,7 +30,7 @@ class ActuatorLag(Effect):
         before, t = np.where(np.isnan(state["act"]), tau, state["act"]), np.maximum(p["time_constant"], 1e-12)
         decay = np.exp(-x.h / t)
         state["act"] = tau + (before - tau) * decay
-        # the mean over the step is what the physics step should feel: exact for a held command
+        # the physics step gets the mean torque over the step, which is exact for a held command
         mean = tau + (before - tau) * t / x.h * (1.0 - decay)
         return np.where(p["time_constant"] > 0, mean, tau)
 

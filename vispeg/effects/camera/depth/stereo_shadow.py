@@ -50,7 +50,7 @@ class StereoShadow(CameraEffect):
 
 
 def _hidden(at: np.ndarray) -> np.ndarray:
-    """Return (H, W) bool: a pixel to the right lands further left in the second image; `at` (H, W) px says where."""
+    """Return (H, W) bool: whether a pixel to the right lands further left in the second image, columns `at` (H, W)."""
     columns = np.ascontiguousarray(at.T[::-1])  # from the right; NumPy is ten times as fast along the first axis
     least = np.minimum.accumulate(columns, axis=0)[::-1].T
     out = np.zeros(at.shape, bool)
