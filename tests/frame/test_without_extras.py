@@ -21,7 +21,6 @@ MODULES = {
     "stable_baselines3": "stable-baselines3",
     "mujoco_menagerie": "mujoco-menagerie",
     "mujoco_warp": "mujoco-warp",
-    "warp": "warp-lang",
 }  # whose packages have other names
 
 WORKS = """

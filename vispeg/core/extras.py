@@ -17,7 +17,7 @@ EXTRAS = {
     "view": ("viser", "websockets"),
     "wandb": ("wandb",),
     "menagerie": ("mujoco_menagerie",),
-    "warp": ("mujoco_warp", "warp"),
+    "warp": ("mujoco_warp",),
 }
 
 
