@@ -225,20 +225,31 @@ def column(feature: Feature, values: Any) -> pa.Array:
     import pyarrow as pa
 
     if is_image(feature):
-        fields = [pa.array(list(values), pa.binary()), pa.nulls(len(values), pa.string())]
-        return pa.StructArray.from_arrays(fields, ["bytes", "path"])
-    shape, kind = tuple(feature["shape"]), pa.type_for_alias(feature["dtype"])
-    flat = pa.array(np.asarray(values, feature["dtype"]).reshape(-1), kind)
+        ends = np.cumsum([0, *map(len, values)], dtype=np.int32)
+        data = pa.Array.from_buffers(pa.binary(), len(values), [None, pa.py_buffer(ends), pa.py_buffer(b"".join(values))])
+        nowhere = pa.Array.from_buffers(pa.null(), len(values), [None]).cast(pa.string())
+        return pa.StructArray.from_arrays([data, nowhere], ["bytes", "path"])
+    shape = tuple(feature["shape"])
+    flat = plain(np.asarray(values, feature["dtype"]).reshape(-1))
     if len(shape) == 2:
         rows = pa.ListArray.from_arrays(_ends(len(values) * shape[0], shape[1]), flat)
         return pa.ListArray.from_arrays(_ends(len(values), shape[0]), rows)
     return flat if shape == (1,) else pa.FixedSizeListArray.from_arrays(flat, shape[0])
 
 
-def _ends(count: int, each: int) -> pa.Array:
+def plain(values: np.ndarray) -> pa.Array:
+    """Return numbers (n,) as an Arrow array without copying them.
+
+    `pyarrow.array` gives the same, but imports pandas, which takes longer than to write a small file.
+    """
     import pyarrow as pa
 
-    return pa.array(np.arange(0, count * each + 1, each), pa.int32())
+    bits = np.packbits(values, bitorder="little") if values.dtype == bool else np.ascontiguousarray(values)
+    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, pa.py_buffer(bits)])
+
+
+def _ends(count: int, each: int) -> pa.Array:
+    return plain(np.arange(0, count * each + 1, each, dtype=np.int32))
 
 
 class Packing(TypedDict):

@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from vispeg.kernels.presliding import stretched
-
 YIELDS = np.array([0.25, 0.75, 1.25, 1.75])  # torque at which each element slips, over `level`; their mean is 1
 
 
@@ -51,6 +49,8 @@ def yielding(path: np.ndarray, reach: float) -> np.ndarray:
 
     The elements slip at a stretch of `reach` rad on average.
     """
+    from vispeg.kernels.presliding import stretched
+
     out = np.empty(len(path))
     stretched(path, reach, YIELDS, out)
     return out
