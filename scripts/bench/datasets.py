@@ -160,7 +160,9 @@ def main() -> None:
     bound = clock.spent["rendering"] / (clock.spent["rendering"] + sum(least.values()))
     print(f"\nIn the libraries beneath, ms a frame: {beneath_ms}. Bound on the renderers' share: {bound:.2f}")
     before, total = start_up(args.world)
-    print(f"\n300 frames in one look, from the command's start: {total:.2f} s, {before:.2f} s before the first episode.")
+    print(
+        f"\n300 frames in one look, from the command's start: {total:.2f} s, {before:.2f} s before the first episode."
+    )
     if args.json:
         found = {k: 1e3 * v / frames for k, v in clock.spent.items()} | {"all": 1e3 * whole / frames}
         args.json.write_text(json.dumps(found, indent=2) + "\n")

@@ -17,7 +17,7 @@ PLUGINS = "VISPEG_PLUGINS"  # environment variable: modules of a user's own, sep
 
 
 class Registry(MutableMapping[str, Item]):
-    """Items by name. A look-up imports the packages `rooms`, a registration of this project's own items does not.
+    """Items by name. What is not there yet is looked for in the packages `rooms`, which are then imported.
 
     Args:
         what: noun for an item in error messages.

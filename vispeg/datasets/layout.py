@@ -226,7 +226,9 @@ def column(feature: Feature, values: Any) -> pa.Array:
 
     if is_image(feature):
         ends = np.cumsum([0, *map(len, values)], dtype=np.int32)
-        data = pa.Array.from_buffers(pa.binary(), len(values), [None, pa.py_buffer(ends), pa.py_buffer(b"".join(values))])
+        data = pa.Array.from_buffers(
+            pa.binary(), len(values), [None, pa.py_buffer(ends), pa.py_buffer(b"".join(values))]
+        )
         nowhere = pa.Array.from_buffers(pa.null(), len(values), [None]).cast(pa.string())
         return pa.StructArray.from_arrays([data, nowhere], ["bytes", "path"])
     shape = tuple(feature["shape"])

@@ -199,13 +199,18 @@ class Stage:
         cell = moments[0].cell  # the state in which `redraw` judges each look
         where = {"qpos": cell.qpos, "bodies": cell.bodies}
         world, refused = redraw(self.seen, self.scene, self.renderer, view_seed, **where)
-        frames, shots, labels = [], [], []
+        shots, pos, axes = [], [], []
+        sites = [self.renderer.model.site(name).id for name in (self.scene.goal, self.scene.tip_site)]
         for moment in moments:
             views = self.renderer.render(moment.cell.qpos, moment.cell.bodies, moment.cell.qvel)
-            frames.append(moment.values | {f"label.{self.scene.goal}": self._pose(self.scene.goal)})
-            labels.append({name: self._labels(name, shot) for name, shot in views.items()})
-            shots.append({name: replace(shot, segmentation=None, normal_of=None) for name, shot in views.items()})
+            data, eyes = self.renderer.data, [views[c.name].pose for c in self.layout.cameras]
+            pos.append([*data.site_xpos[sites], *(eye[:3, 3] for eye in eyes)])
+            axes.append([*data.site_xmat[sites].reshape(-1, 3, 3), *(eye[:3, :3] for eye in eyes)])
+            shots.append({name: replace(shot, normal_of=None, poses=None) for name, shot in views.items()})
             drawn(1)
+        # of the goal, the tip and each camera in every frame: (T, 2 + cameras, 7) m and wxyz
+        poses = np.concatenate([np.array(pos), quaternion(np.array(axes))], axis=-1)
+        frames = [m.values | {f"label.{self.scene.goal}": of[0]} for m, of in zip(moments, poses, strict=True)]
         about = {
             "task": self.task.title,
             "seed": seed,
@@ -225,19 +230,17 @@ class Stage:
             mine = [s[c.name] for s in shots]
             rgb, depth, velocity = (np.stack([getattr(s, key) for s in mine]) for key in ("rgb", "depth", "velocity"))
             clips[c.name] = Clip(world, view_seed, rgb, depth, velocity)
-        by_camera = {c.name: [moment[c.name] for moment in labels] for c in self.layout.cameras}
+        by_camera = {
+            c.name: [
+                self._labels(c.name, shot[c.name], of[1], of[2 + i]) for shot, of in zip(shots, poses, strict=True)
+            ]
+            for i, c in enumerate(self.layout.cameras)
+        }
         return Take(frames, by_camera, clips, about)
 
-    def _pose(self, site: str) -> np.ndarray:
-        data, i = self.renderer.data, self.renderer.model.site(site).id
-        return np.concatenate([data.site_xpos[i], quaternion(data.site_xmat[i].reshape(3, 3))])
-
-    def _labels(self, camera: str, shot: Shot) -> dict[str, np.ndarray]:
-        """Return the labels of a camera's image at the renderer's current state."""
-        labels = {
-            f"label.{self.scene.held}.{camera}": self._pose(self.scene.tip_site),
-            f"label.camera.{camera}": np.concatenate([shot.pose[:3, 3], quaternion(shot.pose[:3, :3])]),
-        }
+    def _labels(self, camera: str, shot: Shot, tip: np.ndarray, eye: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the labels of a camera's image, with the poses (7,) of the tip and of the camera."""
+        labels = {f"label.{self.scene.held}.{camera}": tip, f"label.camera.{camera}": eye}
         if shot.segmentation is not None:
             labels[f"label.parts.{camera}"] = shot.segmentation.astype(np.uint8)
         return labels

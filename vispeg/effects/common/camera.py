@@ -47,8 +47,11 @@ class CameraEffect(Effect):
 
     def rows(self, p: Values) -> np.ndarray:
         """Return the indices of the images with the effect: those in which a magnitude differs from null."""
-        at_work = [np.asarray(p[name]) != self.params[name].null for name in self.magnitudes]
-        return np.flatnonzero(np.any(at_work, axis=0))
+        first, *others = self.magnitudes
+        at_work = np.asarray(p[first]) != self.params[first].null
+        for name in others:
+            at_work = at_work | (np.asarray(p[name]) != self.params[name].null)
+        return at_work.nonzero()[0]
 
 
 def seed_param(doc: str) -> Param:
