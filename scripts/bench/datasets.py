@@ -87,7 +87,7 @@ print("RESULT", begun[0], time.process_time())
 
 
 def start_up(world: str) -> tuple[float, float]:
-    """Processor seconds of `vispeg render` before its first episode, and in all; 300 frames in one look, one process."""
+    """Processor seconds of `vispeg render` before its first episode, and in all: 300 frames, one look, one process."""
     with TemporaryDirectory() as folder:
         command = [sys.executable, "-c", WHOLE, str(Path(folder) / "frames"), world]
         run = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=True)

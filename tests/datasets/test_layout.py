@@ -7,10 +7,12 @@ import json
 
 import cv2
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from rendered import EYE, LAYOUT, PLAN, frame, source
 
+from vispeg.datasets.layout import column, picture, plain
 from vispeg.datasets.shards.rendering import render
 
 
@@ -123,3 +125,15 @@ def test_hugging_face_knows_arrays(folder):
     features = note["info"]["features"]
     assert features["observation.depth.eye"] == {"shape": [8, 12], "dtype": "float32", "_type": "Array2D"}
     assert features["label.parts.eye"] == {"shape": [8, 12], "dtype": "uint8", "_type": "Array2D"}
+
+
+@pytest.mark.parametrize("dtype", ["bool", "uint8", "int64", "float32", "float64"])
+def test_a_column_is_what_pyarrow_makes_of_its_values(dtype):
+    values = np.arange(33)[::3].astype(dtype)
+    assert plain(values).equals(pa.array(values))
+
+
+def test_pictures_are_bytes_without_a_path():
+    made = column(picture(EYE), [b"one", b"", b"three"])
+    assert made.equals(pa.array([{"bytes": b, "path": None} for b in (b"one", b"", b"three")], made.type))
+    assert made.field("path").null_count == 3

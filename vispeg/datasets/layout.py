@@ -226,11 +226,10 @@ def column(feature: Feature, values: Any) -> pa.Array:
 
     if is_image(feature):
         ends = np.cumsum([0, *map(len, values)], dtype=np.int32)
-        data = pa.Array.from_buffers(
-            pa.binary(), len(values), [None, pa.py_buffer(ends), pa.py_buffer(b"".join(values))]
-        )
+        parts = [None, pa.py_buffer(ends), pa.py_buffer(b"".join(values))]
+        pictures = pa.Array.from_buffers(pa.binary(), len(values), parts)
         nowhere = pa.Array.from_buffers(pa.null(), len(values), [None]).cast(pa.string())
-        return pa.StructArray.from_arrays([data, nowhere], ["bytes", "path"])
+        return pa.StructArray.from_arrays([pictures, nowhere], ["bytes", "path"])
     shape = tuple(feature["shape"])
     flat = plain(np.asarray(values, feature["dtype"]).reshape(-1))
     if len(shape) == 2:
