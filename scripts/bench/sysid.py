@@ -164,7 +164,7 @@ def main() -> None:
     judge = Evidence(recs[2:], h_max=5e-4)
 
     def judged(found: World) -> float:
-        return judge.angle_rms(judge.residuals([found])[0]) * 1e6
+        return judge.rms_error(judge.residuals([found])[0]) * 1e6
 
     def row(name: str, seconds: float, cpu: float, found: World, own: float) -> None:
         values = [np.array([v.value for e in found.effects if e.effect == n for v in e.params.values()]) for n in START]
@@ -189,7 +189,7 @@ def main() -> None:
         spent = time.perf_counter() - begin, time.process_time() - cpu
         own = Evidence(recs[2:], h_max=h)
         name = f"vispeg, {h * 1e3:g} ms" + (f", {steps} steps" if steps else "")
-        row(name, *spent, found, own.angle_rms(own.residuals([found])[0]) * 1e6)
+        row(name, *spent, found, own.rms_error(own.residuals([found])[0]) * 1e6)
     for h in np.array(args.steps) * 1e-3:
         side = Sysid(robot, control, h)
         begin, cpu = time.perf_counter(), time.process_time()

@@ -17,7 +17,7 @@ from vispeg.diagnosis.run import finer
 from vispeg.diagnosis.selection import prune
 from vispeg.diagnosis.selection.cross import Cross
 from vispeg.diagnosis.selection.judge import Judge
-from vispeg.diagnosis.selection.names import Exchange, open_ended
+from vispeg.diagnosis.selection.names import Exchange, never_named
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.evidence import Evidence
@@ -111,11 +111,11 @@ def test_what_the_held_out_recordings_want_stays_and_is_no_name_where_it_is_not_
     here.cross = search.cross.loss_of(fit, fit.residual)
     prune.prune(search, here, 0)
     assert {e.label for e in here.world.effects} == {e.label for e in HIDDEN}
-    assert here.slight == {e.label for e in HIDDEN} == open_ended(here, 0)
+    assert here.slight == {e.label for e in HIDDEN} == never_named(here, 0)
     search = Search(search.evidence, search.judge)
     search.cross = Cross(Careless(search.evidence))  # the fitted recordings call every one useless
     prune.prune(search, here, 0)
-    assert len(here.world.effects) == len(HIDDEN) and not here.slight and not open_ended(here, 0)
+    assert len(here.world.effects) == len(HIDDEN) and not here.slight and not never_named(here, 0)
 
 
 def test_what_may_be_absent_and_removes_next_to_nothing_goes_out_however_sure_its_gain_is(searched):

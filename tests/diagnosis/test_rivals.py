@@ -66,11 +66,11 @@ def test_a_step_says_what_may_stand_in_the_place_of_its_effect_while_the_others_
     others = [trial(*names[:k], new="cable_spring") for k in range(3)]
     steps = [(best := trial(*names[:k], new=names[k]), [best, others[k]]) for k in range(3)]
     state = State(world, np.zeros((1, 1)), np.zeros(1), steps=steps)
-    step = state.brought(world.effects[2])
+    step = state.step_that_added(world.effects[2])
     assert step is not None and step[0] is steps[2][0] and step[1][1] is others[2]
-    assert state.brought(world.effects[0]) is None, "others came in later"
+    assert state.step_that_added(world.effects[0]) is None, "others came in later"
     state.world = world.without("joint_bias", "joint1")
-    assert state.brought(world.effects[2]) is None, "what it was tried beside went out again"
+    assert state.step_that_added(world.effects[2]) is None, "what it was tried beside went out again"
 
 
 @pytest.mark.parametrize(

@@ -60,7 +60,7 @@ def test_every_choice_has_the_error_and_the_residual_of_its_world(judged):
     item = judged.items[0]
     for i, world in enumerate(worlds):
         residual = judged.residuals([world])[0]
-        assert arrays["error"][i] == judged.angle_rms(residual)
+        assert arrays["error"][i] == judged.rms_error(residual)
         gap = np.where(item.valid, item.measured - judged.simulated([world])[0][0], np.nan)[:, : item.nj]
         np.testing.assert_allclose(arrays["joints"][i], np.sqrt(np.nanmean(gap**2, axis=0)))
         drawn = arrays["0/residual"][i]

@@ -13,7 +13,7 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis.evidence.dictionary import Dictionary
 from vispeg.diagnosis.evidence.signatures import Signature
 from vispeg.diagnosis.findings import Gain, Rivals, Score, Trial
-from vispeg.diagnosis.selection.names import Exchange, Ground, doubted, exchanges, open_ended, tentative
+from vispeg.diagnosis.selection.names import Exchange, Ground, doubted, exchanges, never_named, tentative
 from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.selection.together import prior, together
 from vispeg.identify.fit import Fit
@@ -206,8 +206,8 @@ def test_a_value_at_its_bound_is_no_name():
     at, inside = (EffectInstance.of("torque_gain", f"joint{k}", gain=g) for k, g in ((1, 0.5), (2, 0.9)))
     least = EffectInstance.of("coulomb_friction", "joint3", torque=1e-4)
     state = State(World().add(at, inside, least), np.zeros((1, 1)), np.zeros(1))
-    assert open_ended(state, 0) == {"torque_gain(joint1)"}
-    assert not open_ended(state, 1), "what was given is not asked"
+    assert never_named(state, 0) == {"torque_gain(joint1)"}
+    assert not never_named(state, 1), "what was given is not asked"
 
 
 def test_every_bound_but_null_is_one_on_linear_and_on_logarithmic_scales():
@@ -219,7 +219,7 @@ def test_every_bound_but_null_is_one_on_linear_and_on_logarithmic_scales():
             for value, bound in [*((end, True) for end in ends), (float(between), False)]:
                 placed = EffectInstance.of(name, "joint1", **{m: value})
                 state = State(World().add(placed), np.zeros((1, 1)), np.zeros(1))
-                assert open_ended(state, 0) == ({placed.label} if bound else set()), (name, m, value)
+                assert never_named(state, 0) == ({placed.label} if bound else set()), (name, m, value)
 
 
 def test_only_effects_that_grow_in_proportion_are_proposed():

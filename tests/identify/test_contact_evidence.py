@@ -34,7 +34,7 @@ def nominal():
 
 
 def times_floor(evidence, *effects):
-    return evidence.angle_rms(evidence.residuals([World(effects=effects)])[0]) / evidence.floor
+    return evidence.rms_error(evidence.residuals([World(effects=effects)])[0]) / evidence.floor
 
 
 def test_a_nominal_arm_that_presses_its_peg_is_adequate(nominal):

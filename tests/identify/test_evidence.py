@@ -60,16 +60,16 @@ def test_a_wrong_world_is_worse_where_it_is_wrong(evidence):
 
 
 def test_errors_come_back_in_radians(evidence):
-    """`angle_rms` of the truth is the noise floor; of another world, the RMS of the angle differences."""
+    """`rms_error` of the truth is the noise floor; of another world, the RMS of the angle differences."""
     right, wrong = evidence.residuals([TRUTH, World()])
-    assert evidence.angle_rms(right) == pytest.approx(evidence.floor, rel=0.05)
+    assert evidence.rms_error(right) == pytest.approx(evidence.floor, rel=0.05)
     assert evidence.floor == pytest.approx(2e-5, rel=0.05)
     predicted = evidence.simulated([World()])
     gaps = [
         (i.measured[:, :7] - y[0][:, :7])[i.segment.time >= RULES.settle]
         for i, y in zip(evidence.items, predicted, strict=True)
     ]
-    assert evidence.angle_rms(wrong) == pytest.approx(np.sqrt(np.mean(np.concatenate(gaps) ** 2)), rel=1e-9)
+    assert evidence.rms_error(wrong) == pytest.approx(np.sqrt(np.mean(np.concatenate(gaps) ** 2)), rel=1e-9)
 
 
 def test_answers_do_not_depend_on_company(evidence):

@@ -66,7 +66,7 @@ def test_missing_angles_are_left_out_and_said(gap):
     q[500 : 500 + gap, 2] = np.nan
     evidence = evidence_for(World(), [replace(rec, q=q)])
     residual = evidence.residuals([World()])[0]
-    assert evidence.angle_rms(residual) < 0.4 and evidence.count > 100
+    assert evidence.rms_error(residual) < 0.4 and evidence.count > 100
     (note,) = [line for line in evidence.notes if "missing" in line]
     assert "q.joint3" in note and f"at most {gap} in a row, from 1 s on" in note
 

@@ -12,7 +12,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.loops.opened import driven, saturated
+from vispeg.identify.loops.opened import saturated, torque_if_saturated
 from vispeg.identify.loops.stops import passed, without_stops
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
@@ -28,7 +28,7 @@ def run(limit: float):
 def test_a_drive_that_gives_what_it_is_asked_for_keeps_its_loop():
     _, rec = run(1000.0)
     assert not saturated(rec, ROBOT).any()
-    assert driven(rec, ROBOT) is rec
+    assert torque_if_saturated(rec, ROBOT) is rec
 
 
 def test_friction_is_no_saturation():
@@ -46,7 +46,7 @@ def test_the_right_model_of_an_open_loop_stands_at_the_noise_floor():
     assert any("saturated" in note for note in evidence.notes)
     (residual,) = evidence.residuals([world])
     assert np.sum(residual**2) / evidence.count == pytest.approx(1.0, abs=0.3)
-    assert driven(evidence.recordings[0], ROBOT) is evidence.recordings[0]
+    assert torque_if_saturated(evidence.recordings[0], ROBOT) is evidence.recordings[0]
 
 
 def test_a_stop_that_was_passed_is_left_out():

@@ -23,7 +23,7 @@ ROBOT = load("iiwa14")
 def times_floor(rec: Recording) -> float:
     """Error of the nominal model over the noise, both RMS."""
     evidence = Evidence([rec], h_max=1e-3)
-    return evidence.angle_rms(evidence.residuals([World()])[0]) / evidence.floor
+    return evidence.rms_error(evidence.residuals([World()])[0]) / evidence.floor
 
 
 @pytest.fixture(scope="module")

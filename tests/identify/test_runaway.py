@@ -12,7 +12,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.loops.runaway import in_hand
+from vispeg.identify.loops.runaway import without_runaway
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
@@ -42,15 +42,15 @@ def mean_square(rec: Recording) -> float:
 
 
 def test_a_loop_that_holds_its_arm_keeps_all(calm):
-    assert in_hand(calm, ROBOT, LEAST) is calm
+    assert without_runaway(calm, ROBOT, LEAST) is calm
 
 
 def test_what_comes_before_is_judged_as_if_nothing_followed(calm):
     """The right model stands at the floor up to there, and the stretch and what follows it are left out."""
     rec = thrown(calm, 2.0, 2.3)
-    kept = in_hand(rec, ROBOT, LEAST)
+    kept = without_runaway(rec, ROBOT, LEAST)
     assert kept.time[0] == 0.0 and kept.time[-1] == pytest.approx(2.0 - RULES.runaway_before, abs=0.02)
-    assert in_hand(kept, ROBOT, LEAST) is kept
+    assert without_runaway(kept, ROBOT, LEAST) is kept
     np.testing.assert_array_equal(kept.q, calm.q[: len(kept.q)])
     assert mean_square(rec) == pytest.approx(1.0, abs=0.2)
     (note,) = Evidence([rec], h_max=1e-3).notes
@@ -58,15 +58,15 @@ def test_what_comes_before_is_judged_as_if_nothing_followed(calm):
 
 
 def test_where_it_is_lost_at_once_what_follows_is_what_there_is(calm):
-    kept = in_hand(thrown(calm, 0.2, 0.5), ROBOT, LEAST)
+    kept = without_runaway(thrown(calm, 0.2, 0.5), ROBOT, LEAST)
     assert kept.time[0] == pytest.approx(0.5 + RULES.runaway_after, abs=0.02) and kept.time[-1] == calm.time[-1]
 
 
 def test_nothing_is_left_out_where_nothing_would_be_left_or_known(calm):
     """A rated speed, a loop that could lose the arm, and time enough without it: else the recording stays whole."""
     rec = thrown(calm, 0.2, 2.9)
-    assert in_hand(rec, ROBOT, LEAST) is rec
+    assert without_runaway(rec, ROBOT, LEAST) is rec
     rec = thrown(calm, 2.0, 2.3)
-    assert in_hand(rec, replace(ROBOT, velocity_limit=np.full(7, np.inf)), LEAST) is rec
+    assert without_runaway(rec, replace(ROBOT, velocity_limit=np.full(7, np.inf)), LEAST) is rec
     passive = replace(rec, control=Control("passive", 500.0))
-    assert in_hand(passive, ROBOT, LEAST) is passive
+    assert without_runaway(passive, ROBOT, LEAST) is passive

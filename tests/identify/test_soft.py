@@ -12,7 +12,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.loops.soft import as_asked, near
+from vispeg.identify.loops.soft import as_asked, without_drift
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import load
 from vispeg.sim.compiled import nominal_of
@@ -45,10 +45,10 @@ def test_what_the_law_asks_for_is_what_the_drives_got():
 def test_a_model_that_drifts_is_compared_in_the_measured_posture(tilted):
     """The nominal arm drifts off by a tenth of a radian and more; the right model still stands at the noise floor."""
     evidence = Evidence([tilted], h_max=1e-3)
-    followed = near(evidence, World())
+    followed = without_drift(evidence, World())
     assert followed.recordings[0].control.mode == "torque"
     assert any("drift" in note for note in followed.notes)
-    gap = [e.angle_rms(e.residuals([World()])[0]) for e in (evidence, followed)]
+    gap = [e.rms_error(e.residuals([World()])[0]) for e in (evidence, followed)]
     assert gap[0] > RULES.posture and gap[1] < 0.2 * gap[0]
     (residual,) = followed.residuals([TILTED])
     assert residual @ residual / followed.count == pytest.approx(1.0, abs=0.3)
@@ -56,7 +56,7 @@ def test_a_model_that_drifts_is_compared_in_the_measured_posture(tilted):
 
 def test_a_model_that_stays_near_keeps_its_loop(tilted):
     evidence = Evidence([tilted], h_max=1e-3)
-    assert near(evidence, TILTED) is evidence
+    assert without_drift(evidence, TILTED) is evidence
 
 
 def test_a_missing_reading_gives_no_torque(tilted):

@@ -61,7 +61,7 @@ def recorded(effects, steps=20):
 def times_floor(rec, *effects):
     """Error of the nominal model with these effects over the noise, both RMS."""
     evidence = Evidence([rec], h_max=5e-4)
-    return evidence.angle_rms(evidence.residuals([World(effects=effects)])[0]) / evidence.floor
+    return evidence.rms_error(evidence.residuals([World(effects=effects)])[0]) / evidence.floor
 
 
 @pytest.mark.parametrize("effects", [(), (FRICTION,), (FRICTION, PAYLOAD)])

@@ -1,6 +1,6 @@
 """Place finished shards in a folder in the layout of LeRobotDataset v3.0.
 
-    meta/info.json, stats.json, tasks.parquet, cameras.json, render.json
+    meta/info.json, stats.json, tasks.parquet, cameras.json, render.json, models/PART.ply
     meta/episodes/chunk-000/file-000.parquet    one per shard: position, statistics and drawn worlds of its episodes
     data/chunk-000/file-000.parquet             one per shard, with one row group per episode
 

@@ -59,7 +59,7 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
             {
                 "model": label or world.label,
                 "fit_error": None,
-                "heldout_error": _error(pairs) if lost else evidence.angle_rms(residual),
+                "heldout_error": _error(pairs) if lost else evidence.rms_error(residual),
                 "unit": unit,
             }
         ],

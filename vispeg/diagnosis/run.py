@@ -37,15 +37,15 @@ from vispeg.diagnosis.record import (
 )
 from vispeg.diagnosis.schema import DiagnosisRecord, ProposalRecord
 from vispeg.diagnosis.selection.judge import Judge
-from vispeg.diagnosis.selection.names import open_ended, tentative
+from vispeg.diagnosis.selection.names import never_named, tentative
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.traces import arrays, traces
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import fit_job
 from vispeg.identify.inverse import TorqueEvidence, evidence_for
-from vispeg.identify.loops.soft import near
-from vispeg.identify.loops.stirred import stirred, within
+from vispeg.identify.loops.noise_motion import noise_motion, within_noise
+from vispeg.identify.loops.soft import without_drift
 from vispeg.identify.pool import run_together
 from vispeg.recordings.checks import missing
 from vispeg.recordings.recording import Recording
@@ -85,7 +85,7 @@ def diagnose(
     """
     still = refuse_motionless(fitted, held_out)
     evidence, judged = evidence_for(world, fitted, nthread), evidence_for(world, held_out, nthread, h_max=1e-3)
-    evidence, judged = near(evidence, world), near(judged, world)
+    evidence, judged = without_drift(evidence, world), without_drift(judged, world)
     roles = recast(world, evidence, judged)
     if roles is not None:
         say(roles.note)
@@ -103,7 +103,9 @@ def diagnose(
     world, n_given, n_fixed = begin.world, begin.n_given, begin.n_fixed
     rung = (begin.label, begin.first) if begin.read else None
     before_held = judged.residuals([world])[0]
-    state = search.start(begin.first, n_fixed) if within(judged, begin.first) else search.run(begin.first, n_fixed)
+    state = (
+        search.start(begin.first, n_fixed) if within_noise(judged, begin.first) else search.run(begin.first, n_fixed)
+    )
     rivals = settled(search, state, n_fixed, say)
     model = finer(search, state, n_fixed)
     after_held = judged.residuals([model.world])[0]
@@ -113,7 +115,7 @@ def diagnose(
     held = [[missing_torque(i, y[w]) for i, y in zip(judged.items, predicted, strict=True)] for w in (0, 1)]
     joints = judged.items[0].robot.joints
     depends = dependences(after_missing, held[1], joints)
-    fed_back = stirred(judged, model.world) if judged.unit == "rad" else 0.0
+    fed_back = noise_motion(judged, model.world) if judged.unit == "rad" else 0.0
     floor = judge.floor(model.world) + fed_back
     least = None
     if isinstance(evidence, TorqueEvidence) and isinstance(judged, TorqueEvidence):
@@ -127,7 +129,7 @@ def diagnose(
     seen = (errors[0] / judged.floor, errors[1] / judged.floor)
     verdict = decide(before, after, n_added, rivals, depends, floor, mark, unjudged, worst, len(begin.read), seen)
     changing = search.changes(state, n_fixed)
-    unsure = open_ended(state, n_fixed)
+    unsure = never_named(state, n_fixed)
     if verdict.partial and state.fit is not None:
         say("asking which names are certain")
         unsure = tentative(state, n_fixed, search.exchanges(state), rivals, far=worst > RULES.far)
@@ -192,7 +194,7 @@ def diagnose(
             *evidence.notes,
             *(note for note in judged.notes if note not in evidence.notes),
             *coarse_encoders(fitted[0], judged, final),
-            *_stirred(fed_back),
+            *_noise_note(fed_back),
             *(c.said() for c in changing),
         ],
     }
@@ -219,7 +221,7 @@ def _mean_square(judged: Evidence, residuals: list[np.ndarray]) -> float:
     return total / max(judged.count, 1)
 
 
-def _stirred(fed_back: float) -> list[str]:
+def _noise_note(fed_back: float) -> list[str]:
     if fed_back < 0.05:
         return []
     moved = f"move the arm by {np.sqrt(fed_back):.2g} times the encoders' noise"

@@ -16,7 +16,7 @@ import numpy as np
 from vispeg.control.laws import position
 from vispeg.core.effect import effect
 from vispeg.identify.inverse import ENDS, MOTION_HZ, TorqueEvidence, rigid_body
-from vispeg.identify.loops.runaway import in_hand
+from vispeg.identify.loops.runaway import without_runaway
 from vispeg.identify.loops.soft import as_asked
 from vispeg.identify.nominal import nominal_robot, robot_of
 from vispeg.recordings.differentiate import smooth
@@ -28,7 +28,9 @@ from vispeg.sim.placement import activate
 from vispeg.worlds.world import World
 
 HEARD_HZ = 40.0  # bandwidth of velocities computed from angles, where none were recorded
-LEAST = 2.0  # s: a part before or after a loss of control (`in_hand`) must be longer, else the whole recording is used
+LEAST = (
+    2.0  # s: the part without a loss of control (`without_runaway`) must be longer, else the whole recording is used
+)
 ROWS = 4096  # postures whose gravity torques are computed at a time
 
 
@@ -66,13 +68,13 @@ def sent(rec: Recording, robot: RobotModel) -> np.ndarray | None:
     return out
 
 
-def driven(rec: Recording) -> Recording | None:
+def with_drive_torque(rec: Recording) -> Recording | None:
     """Return the recording with its drive torque as `tau`, low-passed, and no controller.
 
     Under a known controller that is the commanded torque, even if torque was measured: a sensor behind the gear does
     not see the friction in it. None if no drive torque is known, or if the recording is too short.
     """
-    rec = in_hand(rec, nominal_robot(rec), LEAST)
+    rec = without_runaway(rec, nominal_robot(rec), LEAST)
     command = sent(rec, robot_of(rec))
     if command is None and (rec.tau is None or rec.torque_sensor == "none"):
         return None
@@ -120,7 +122,7 @@ class Drives:
     """
 
     def __init__(self, recordings: Sequence[Recording]):
-        known = {i: d for i, d in enumerate(map(driven, recordings)) if d is not None}
+        known = {i: d for i, d in enumerate(map(with_drive_torque, recordings)) if d is not None}
         self.recordings = [recordings[i] for i in known]
         nj = len(recordings[0].joints)
         self.evidence = TorqueEvidence([*known.values()], np.ones(nj)) if known else None

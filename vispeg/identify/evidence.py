@@ -21,8 +21,8 @@ from vispeg.core.rules import RULES
 from vispeg.identify.channels import Channel, Item, shows
 from vispeg.identify.contact import ALWAYS, Contact, contact_of
 from vispeg.identify.load import load_noise, unsigned, with_gains
-from vispeg.identify.loops.opened import OPEN, driven
-from vispeg.identify.loops.runaway import in_hand, said
+from vispeg.identify.loops.opened import OPEN, torque_if_saturated
+from vispeg.identify.loops.runaway import said, without_runaway
 from vispeg.identify.loops.stops import passed
 from vispeg.identify.nominal import nominal_robot, robot_of
 from vispeg.identify.space import Freedom
@@ -66,8 +66,8 @@ class Evidence(Freedom):
 
     def __init__(self, recordings: Sequence[Recording], *, h_max: float = 2e-3, nthread: int = 1):
         large_apart()
-        sound = [in_hand(rec, nominal_robot(rec), 2.0 * _settle(rec)) for rec in recordings]
-        self.recordings, self.nthread = [driven(rec, robot_of(rec)) for rec in sound], nthread
+        sound = [without_runaway(rec, nominal_robot(rec), 2.0 * _settle(rec)) for rec in recordings]
+        self.recordings, self.nthread = [torque_if_saturated(rec, robot_of(rec)) for rec in sound], nthread
         servo = all(rec.control.mode == "servo" for rec in recordings)
         self.h_max = max(h_max, SERVO_STEP) if servo else h_max
         touched = [(rec, contact_of(rec, robot_of(rec))) for rec in self.recordings]
@@ -302,7 +302,7 @@ class Evidence(Freedom):
             start += number[-1] + 1
         return np.concatenate(out)
 
-    def angle_rms(self, residual: np.ndarray) -> float:
+    def rms_error(self, residual: np.ndarray) -> float:
         """Return the RMS error of the principal channel, in `unit`, from a whitened residual, over valid readings."""
         total, n, start = 0.0, 0, 0
         for item in self.items:
@@ -314,7 +314,7 @@ class Evidence(Freedom):
 
     def errors(self, worlds: Sequence[World]) -> list[float]:
         """Return the RMS error of the principal channel under each world, in `unit`."""
-        return [self.angle_rms(r) for r in self.each_residual(worlds)]
+        return [self.rms_error(r) for r in self.each_residual(worlds)]
 
     @property
     def floors(self) -> np.ndarray:

@@ -39,7 +39,7 @@ def errors(judged: ContactEvidence, before: World, after: World) -> dict:
     phases = phase_errors(judged, judged.simulated([before, after]))
     out = {}
     for key, world in (("before", before), ("after", after)):
-        out[key] = judged.angle_rms(judged.residuals([world])[0])
+        out[key] = judged.rms_error(judged.residuals([world])[0])
         total = sum(float(p["seconds"]) * float(p[key]) ** 2 for p in phases)  # type: ignore[arg-type]
         out[f"plain_{key}"] = (total / sum(float(p["seconds"]) for p in phases)) ** 0.5  # type: ignore[arg-type]
     return out

@@ -25,9 +25,9 @@ from vispeg.formats.guard import is_file, read_bytes
 from vispeg.formats.json_data import read_json
 from vispeg.render.cameras.camera import Camera
 
-TOLD, CAMERA, TRUTH = "dataset_info.json", "scene_camera.json", "scene_gt.json"
+LISTING, CAMERA, TRUTH = "dataset_info.json", "scene_camera.json", "scene_gt.json"
 INFO = "models/models_info.json"
-ANY = "camera"  # name of the camera where none is stated
+ONE_CAMERA = "camera"  # name of the camera where none is stated
 MM = 1e-3  # m in a millimetre
 
 
@@ -54,17 +54,17 @@ class Bop(Stored):
         self.scenes = sorted(path.parent for path in self.folder.glob(f"*/*/{CAMERA}") if path.parent.name.isdigit())
         if not self.scenes:
             raise UserError("has no scenes", file=self.folder, expected=f"SPLIT/000000/{CAMERA}")
-        listing = read_json(self.folder / TOLD) if is_file(self.folder / TOLD) else {}
-        where = _scenes(listing, self.scenes, self.folder / TOLD)
+        listing = read_json(self.folder / LISTING) if is_file(self.folder / LISTING) else {}
+        where = _scenes(listing, self.scenes, self.folder / LISTING)
         self.by = {}  # episode and camera -> scene
         for scene, (episode, camera) in zip(self.scenes, where, strict=True):
             if self.by.setdefault((episode, camera), scene) is not scene:
-                raise UserError("two scenes of one episode and camera", file=self.folder / TOLD, got=scene.name)
+                raise UserError("two scenes of one episode and camera", file=self.folder / LISTING, got=scene.name)
         count = 1 + max(episode for episode, _ in self.by)
         names = list(dict.fromkeys(camera for _, camera in where))
         if len(self.by) != count * len(names):
-            raise UserError("an episode lacks a camera's scene", file=self.folder / TOLD, expected=", ".join(names))
-        self.objects = _objects(listing, self.folder / TOLD)
+            raise UserError("an episode lacks a camera's scene", file=self.folder / LISTING, expected=", ".join(names))
+        self.objects = _objects(listing, self.folder / LISTING)
         self.parts = tuple(self.objects.values())
         self.cameras = {name: self._camera(name, self.by[0, name]) for name in names}
         self.features = {}
@@ -196,7 +196,7 @@ def _scenes(listing: Any, scenes: list[Path], path: Path) -> list[tuple[int, str
     """Return (episode, camera) of each scene; if not stated, each scene is an episode of one camera."""
     listed = listing.get("scenes") if isinstance(listing, dict) else None
     if listed is None and isinstance(listing, dict):
-        return [(i, ANY) for i in range(len(scenes))]
+        return [(i, ONE_CAMERA) for i in range(len(scenes))]
     rows = {}
     entries: list[Any] = listed if isinstance(listed, list) else [None]
     for row in entries:

@@ -55,15 +55,15 @@ def next_experiment(
     pair = _explanations(state, rivals)
     if pair is None and verdict != "unexplained":
         return None, {}
-    stage = _Stage(search, seed) if search.evidence.unit == "rad" else _TorqueStage(search, seed)
+    menu = _Menu(search, seed) if search.evidence.unit == "rad" else _TorqueMenu(search, seed)
     if pair is None:
         name = next((name for name in SHOWS if name not in recorded), "")
         if not name:
             why = "every motion of the menu is recorded: record another arm posture or another speed of one of them"
             return {"motion": "", "why": why}, {}
-        return stage.record(name, SHOWS[name] + stage.beside), stage.arrays(name)
+        return menu.record(name, SHOWS[name] + menu.advice), menu.arrays(name)
     first, second, names = pair
-    apart = stage.apart(first, second)
+    apart = menu.apart(first, second)
     fresh = {n: rows for n, rows in apart.items() if n not in recorded and rows[0] >= RULES.next_sigma}
     name = max(fresh or apart, key=lambda n: apart[n][0])
     sigma, a, b = apart[name]
@@ -71,9 +71,9 @@ def next_experiment(
         best = f"(the best, {name}, by {sigma:.2g})"
         why = f"no motion of the menu separates {names[0]} from {names[1]} by {RULES.next_sigma:g} sigma {best}"
         return {"motion": "", "why": why, "expected_separation_sigma": round(sigma, 2)}, {}
-    motion = stage.record(name, f"separates {names[0]} from {names[1]}")
+    motion = menu.record(name, f"separates {names[0]} from {names[1]}")
     motion["expected_separation_sigma"] = round(sigma, 2)
-    return motion, stage.arrays(name) | {"next/A": a, "next/B": b}
+    return motion, menu.arrays(name) | {"next/A": a, "next/B": b}
 
 
 def repeated(name: str) -> NextMotion:
@@ -82,13 +82,13 @@ def repeated(name: str) -> NextMotion:
     return {"motion": "", "why": why}
 
 
-class _Stage:
+class _Menu:
     """The menu of motions for the recorded robot, under its position controller, or one made for it if it has another.
 
-    `beside` is advice to add to a motion's purpose.
+    `advice` is added to a motion's purpose.
     """
 
-    beside = ""
+    advice = ""
 
     def __init__(self, search: Searching, seed: int):
         self.evidence, self.seed = search.evidence, seed
@@ -97,7 +97,7 @@ class _Stage:
         if control.mode not in ("position", "servo"):
             control = controller(self.item.robot, "position", control.rate_hz, self.item.segment.q[0])
         self.control = control
-        self.menu = {
+        self.motions = {
             name: motion(name, self.item.robot, control.rate_hz, SECONDS, stream(seed, "next experiment", name))
             for name in MENU
         }
@@ -107,16 +107,16 @@ class _Stage:
 
         The distance is 0 if a rollout diverges.
         """
-        menu = [
+        segments = [
             Segment(
                 self.control, 1.0 / self.control.rate_hz, {"q_cmd": m.q_cmd, "dq_cmd": m.dq_cmd},
                 m.q_cmd, m.dq_cmd, m.q_cmd, m.time, np.arange(len(m.time)),
             )
-            for m in self.menu.values()
+            for m in self.motions.values()
         ]  # fmt: skip
         out = {}
         options = {"h_max": self.evidence.h_max, "nthread": self.evidence.nthread}
-        for name, response in zip(self.menu, simulate(self.item.robot, [a, b], menu, **options), strict=True):
+        for name, response in zip(self.motions, simulate(self.item.robot, [a, b], segments, **options), strict=True):
             gap = (response.q[0] - response.q[1]) / self.item.sigma[: self.item.nj]
             sigma = float(np.sqrt(np.sum(gap**2))) if np.isfinite(gap).all() else 0.0
             out[name] = sigma, response.q[0], response.q[1]
@@ -135,19 +135,19 @@ class _Stage:
 
     def arrays(self, name: str) -> dict[str, np.ndarray]:
         """Return the commanded motion as arrays."""
-        m = self.menu[name]
+        m = self.motions[name]
         return {"next/time": m.time, "next/q_cmd": m.q_cmd, "next/dq_cmd": m.dq_cmd}
 
 
-class _TorqueStage(_Stage):
+class _TorqueMenu(_Menu):
     """The menu for torque comparison: the torque that each motion needs, taken as executed under any controller."""
 
-    beside = "; with the controller's mode and gains stated, rollouts can show delays, gear play and encoders too"
+    advice = "; with the controller's mode and gains stated, rollouts can show delays, gear play and encoders too"
 
     def apart(self, a: World, b: World) -> dict[str, tuple[float, np.ndarray, np.ndarray]]:
         """Return for each motion the distance of two worlds' torques in sigma, and both torques (n, nj) N m."""
         out, like = {}, self.item.recording
-        for name, m in self.menu.items():
+        for name, m in self.motions.items():
             rec = replace(
                 like, rate_hz=self.control.rate_hz, time=m.time, q=m.q_cmd, dq=None, tau=np.zeros_like(m.q_cmd),
                 episode=None, chosen=None,

@@ -85,7 +85,7 @@ def _tried(search: Searching, state: State, placed: EffectInstance, count: int) 
     """
     if count == len(state.steps) == 1:
         return state.steps[0]
-    return state.brought(placed) if search.evidence.alike == 0 else None
+    return state.step_that_added(placed) if search.evidence.alike == 0 else None
 
 
 def _goal(search: Searching, state: State) -> float | None:

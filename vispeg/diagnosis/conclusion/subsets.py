@@ -58,7 +58,7 @@ def subsets(
         "effect": np.array([e.effect for e in added], dtype=str),
         "where": np.array([e.where for e in added], dtype=str),
         "rival": np.array(labels, dtype=str),
-        "error": np.array([judged.angle_rms(_residual(judged, predicted, i)) for i in range(len(worlds))]),
+        "error": np.array([judged.rms_error(_residual(judged, predicted, i)) for i in range(len(worlds))]),
         "joints": _joint_errors(judged, predicted),
     }
     for r, (item, y) in enumerate(zip(judged.items, predicted, strict=True)):

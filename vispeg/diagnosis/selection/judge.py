@@ -16,7 +16,7 @@ from vispeg.core.rules import RULES
 from vispeg.diagnosis.findings import Gain
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit
-from vispeg.identify.loops.stirred import reading_noise
+from vispeg.identify.loops.noise_motion import reading_noise
 from vispeg.worlds.world import World
 
 

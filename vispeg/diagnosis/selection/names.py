@@ -149,7 +149,7 @@ def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: in
     return Exchange(entries[k].placed.label, float(share), tuple(labels), placed)
 
 
-def open_ended(state: State, n_fixed: int) -> frozenset[str]:
+def never_named(state: State, n_fixed: int) -> frozenset[str]:
     """Return the labels of effects after the first `n_fixed` that are never named, however well they fit.
 
     These have a value at its bound, to which a missing effect probably pushes it, are not clearly present (`present`),
@@ -182,7 +182,7 @@ def tentative(
     proven = {r.label: {t.score.label for t in r.equals} for r in rivals}
     tried = {r.label: {t.score.label for t in r.tried} for r in rivals}
     by_label = {e.label: e for e in exchanged}
-    out = set(open_ended(state, n_fixed))
+    out = set(never_named(state, n_fixed))
     for index, placed in enumerate(state.world.effects[n_fixed:], n_fixed):
         label, exchange = placed.label, by_label.get(placed.label)
         equals = proven.get(label, set())

@@ -66,7 +66,7 @@ class State:
         stay = [self.world.effects[a.index].label not in gone for a in self.fit.space.axes]
         return self.fit.jacobian[:, stay]
 
-    def brought(self, placed: EffectInstance) -> tuple[Trial, list[Trial]] | None:
+    def step_that_added(self, placed: EffectInstance) -> tuple[Trial, list[Trial]] | None:
         """Return the step whose other candidates were tried in place of an effect: the last one that added it.
 
         None if that step added it with others or in place of another, or if the other effects have changed since. Steps

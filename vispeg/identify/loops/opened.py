@@ -23,7 +23,7 @@ from vispeg.sim.segments.segment import Segment, segments
 OPEN = "{}: a drive is saturated most of the time, so the torques that its loop asked for drive the models"  # a note
 
 
-def driven(rec: Recording, robot: RobotModel) -> Recording:
+def torque_if_saturated(rec: Recording, robot: RobotModel) -> Recording:
     """Return the recording; if a drive is saturated most of the time, as one under torque control."""
     if rec.control.mode != "position" or rec.q_cmd is None or not saturated(rec, robot).any():
         return rec

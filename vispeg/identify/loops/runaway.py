@@ -24,7 +24,7 @@ RUNAWAY = (
 )
 
 
-def in_hand(rec: Recording, robot: RobotModel, least: float) -> Recording:
+def without_runaway(rec: Recording, robot: RobotModel, least: float) -> Recording:
     """Return the recording with only the first part of each episode longer than `least` s without loss of control.
 
     Return `rec` itself if the arm is never lost, if no loop is known that could lose it, if the robot's file states no

@@ -27,7 +27,7 @@ ROWS = 4096  # samples processed at a time
 SOFT = "{}: the null space lets the model drift by {:.2g} rad, so the torques that the loop asked for drive the models"
 
 
-def near(evidence: Evidence, world: World) -> Evidence:
+def without_drift(evidence: Evidence, world: World) -> Evidence:
     """Return the evidence with the OSC recordings that `world` drifts away from converted to torque control."""
     drift = _drift(evidence, world)
     if not drift:

@@ -15,7 +15,7 @@ AIR = 0.8  # s in free air that determine the sensor's zero
 TILT = 0.4  # rad of tool tilt in free air that separates the tool's mass and centre from the sensor's zero
 LONG = 0.5  # s, least time in a regime for it to count
 RATIO = 2.0  # ratio of the largest to the smallest pressing force that separates a compliance from a height
-TURN = 0.8  # rad of flange rotation about its axis in contact that separates errors of grip and goal
+TURN = 0.8  # rad of flange rotation about the vertical while inserted that separates errors of grip and goal
 HARD = 60.0  # N, force from which a grip may slip
 NEEDS = {  # excitation that an effect may need (`Effect.needs`), in the order in which effects are listed
     "free air": "a while in free air",

@@ -18,8 +18,8 @@ from vispeg.recordings.importers.slopes import Doubt, against_speeds, slope
 from vispeg.recordings.recording import Recording
 
 RATES = (3.0, 20_000.0)  # Hz, plausible sample rates: slower shows no dynamics, and no arm logs faster
-TOP_SPEED = 40.0  # rad/s, assumed limit of a joint whose speed limit is not known
-SLOW = 2e-3  # share of the speed limit (or of TOP_SPEED / 10): implausibly slow for a joint that moves by FAR
+TOP_SPEED = 40.0  # rad/s: no joint is faster; a tenth of it is the assumed limit of a joint without a stated one
+SLOW = 2e-3  # share of the speed limit: implausibly slow for a joint that moves by FAR
 FAR = 0.1  # rad: motion by which a joint counts as moved, and tolerance at the ends of its range
 SMALL = 3.5  # degrees: if every angle stays below this, the values are more likely radians
 CHUNKS, CHUNK = 20, 10_000  # number of stretches of a long recording that are checked, and rows of each

@@ -13,7 +13,7 @@ from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.inverse import evidence_for
-from vispeg.identify.loops.soft import near
+from vispeg.identify.loops.soft import without_drift
 from vispeg.view.diagnose.plain import Plain
 from vispeg.view.diagnose.standing import Field
 from vispeg.view.diagnose.subject import Say
@@ -36,10 +36,10 @@ class Joints(Plain):
     def __init__(self, inputs: Inputs, threads: int, say: Say, progress: Progress | None):
         self.recordings = (*inputs.fitted, *inputs.held_out)
         judging = inputs.fitted if progress is None else inputs.held_out
-        self.judged = near(evidence_for(inputs.world, judging, threads, h_max=1e-3), inputs.world)
+        self.judged = without_drift(evidence_for(inputs.world, judging, threads, h_max=1e-3), inputs.world)
         self.search = None
         if progress is not None:
-            evidence = near(evidence_for(inputs.world, inputs.fitted, threads), inputs.world)
+            evidence = without_drift(evidence_for(inputs.world, inputs.fitted, threads), inputs.world)
             # as the command does; worked out at the first step, once
             proposed = cache(lambda: placed(propose(inputs.world, inputs.fitted, inputs.held_out)))
             self.search = Search(evidence, Judge(self.judged), say, progress, proposed)

@@ -1,4 +1,4 @@
-"""Noise that an OSC loop feeds back: the right model's error is what encoder noise and stirred motion make together."""
+"""Noise that an OSC loop feeds back: encoder noise and the motion that it causes make up the right model's error."""
 
 from dataclasses import replace
 from typing import Literal
@@ -12,7 +12,7 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
-from vispeg.identify.loops.stirred import reading_noise, stirred, within
+from vispeg.identify.loops.noise_motion import noise_motion, reading_noise, within_noise
 from vispeg.identify.record import centre_of, controller, record
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import load
@@ -36,9 +36,9 @@ def recorded(mode: Literal["position", "torque", "osc"], world: World = NOMINAL,
 
 
 def test_the_right_models_error_is_foretold():
-    """Over six draws of fed-back noise: most residuals lie under 1 + stirred, and not far under."""
+    """Over six draws of fed-back noise: most residuals lie under 1 + `noise_motion`, and not far under."""
     evidence = Evidence([recorded("osc")], h_max=1e-3)
-    more, item, one = stirred(evidence, World()), evidence.items[0], np.ones((6, 7))
+    more, item, one = noise_motion(evidence, World()), evidence.items[0], np.ones((6, 7))
     noise = ReadingNoise(NOISE["q"] * one, NOISE["dq"] * one, stream(7, "stirred test"))
     moved = simulate(item.robot, [World()] * 6, [item.segment], h_max=5e-4, reading_noise=noise)[0].q
     moved += NOISE["q"] * stream(8, "stirred test").standard_normal(moved.shape)
@@ -54,9 +54,9 @@ def test_the_right_models_error_is_foretold():
 def test_it_follows_from_the_noise():
     """Variance goes with the square of the velocity noise; joint servos are left alone."""
     rec = recorded("osc")
-    once, twice = (stirred(Evidence([replace(rec, noise={**NOISE, "dq": f * 1e-3})]), World()) for f in (1, 2))
+    once, twice = (noise_motion(Evidence([replace(rec, noise={**NOISE, "dq": f * 1e-3})]), World()) for f in (1, 2))
     assert twice == pytest.approx(4 * once, rel=0.1)
-    assert stirred(Evidence([recorded("position")]), World()) == 0.0
+    assert noise_motion(Evidence([recorded("position")]), World()) == 0.0
 
 
 @pytest.mark.slow
@@ -64,14 +64,18 @@ def test_nothing_is_looked_for_under_what_magnified_noise_leaves():
     """Noise that moves the arm by ten times its readings' own drowns small errors, and not a payload's."""
     rec = recorded("osc")
     loud = Evidence([replace(rec, noise={**NOISE, "dq": 0.02})])
-    assert stirred(loud, World()) > 20
-    assert within(loud, World())
-    assert not within(loud, World().add(EffectInstance.of("payload", "flange", mass=2.0)))
-    assert not within(Evidence([rec]), World()), "as quiet as usual: the tests of a search say what chance is"
+    assert noise_motion(loud, World()) > 20
+    assert within_noise(loud, World())
+    assert not within_noise(loud, World().add(EffectInstance.of("payload", "flange", mass=2.0)))
+    assert not within_noise(Evidence([rec]), World()), "as quiet as usual: the tests of a search say what chance is"
     beside = [replace(rec, noise={**NOISE, "dq": 0.02}), recorded("position")]
-    assert not within(Evidence(beside), World()), "a joint's servo magnifies nothing, and may show what is missing"
+    assert not within_noise(Evidence(beside), World()), (
+        "a joint's servo magnifies nothing, and may show what is missing"
+    )
     coarse = World().add(EffectInstance.of("encoder_quantization", "joint2", step=1.6e-3))
-    assert stirred(Evidence([rec]), coarse) > 10 and not within(Evidence([rec]), coarse), "steps magnify nothing"
+    assert noise_motion(Evidence([rec]), coarse) > 10 and not within_noise(Evidence([rec]), coarse), (
+        "steps magnify nothing"
+    )
 
 
 @pytest.mark.slow
@@ -83,14 +87,14 @@ def test_a_coarse_encoder_leaves_the_right_model_no_more_than_is_foretold():
     for seed in range(4):
         for hidden, ratios in ((coarse, right), (also, wrong)):
             judge = Judge(Evidence([recorded("torque", hidden, 10 + seed)], h_max=1e-3))
-            more = stirred(judge.evidence, coarse)
+            more = noise_motion(judge.evidence, coarse)
             (loss,) = judge.losses([coarse])
             ratios.append(judge.mean(loss) / (judge.floor(coarse) + more))
             assert more > 0.5
     assert np.sum(np.array(right) < RULES.adequate) >= 3 and max(right) < min(wrong)
     assert np.all(np.array(wrong) > RULES.adequate)
     fine = World().add(EffectInstance.of("encoder_quantization", "joint2", step=2e-5))
-    assert stirred(Evidence([recorded("torque")]), fine) == 0.0
+    assert noise_motion(Evidence([recorded("torque")]), fine) == 0.0
 
 
 def test_readings_are_as_noisy_as_their_encoders_steps_make_them():

@@ -23,7 +23,7 @@ from vispeg.worlds.world import World
 DRAWS = 16  # of the noise
 
 
-def stirred(evidence: Evidence, world: World) -> float:
+def noise_motion(evidence: Evidence, world: World) -> float:
     """Return the mean squared motion of `world` due to noise in its feedback, over the variance of the readings' noise.
 
     It adds to the noise of the readings themselves (`reading_noise`), and is 0 except under OSC or if `world` has an
@@ -59,7 +59,7 @@ def stirred(evidence: Evidence, world: World) -> float:
     return max(float(np.quantile(total, share)), 0.0) / max(count, 1) if len(total) else 0.0
 
 
-def within(evidence: Evidence, world: World) -> bool:
+def within_noise(evidence: Evidence, world: World) -> bool:
     """Return whether the error of a world under OSC is no larger than what noise in its feedback, amplified, makes.
 
     Near a singular posture a loop amplifies noise by a factor of thousands. Any small effect then moves the arm as far,
@@ -67,7 +67,7 @@ def within(evidence: Evidence, world: World) -> bool:
     """
     if evidence.unit != "rad" or any(i.recording.control.mode != "osc" or _coarse(i, world) for i in evidence.items):
         return False
-    residual, more = evidence.residuals([world])[0], stirred(evidence, world)
+    residual, more = evidence.residuals([world])[0], noise_motion(evidence, world)
     return more > RULES.noise_magnified and float(residual @ residual) <= (1.0 + more) * evidence.count
 
 
