@@ -27,10 +27,8 @@ from vispeg.sim.compiled import nominal_of
 from vispeg.sim.placement import activate
 from vispeg.worlds.world import World
 
-HEARD_HZ = 40.0  # bandwidth of velocities computed from angles, where none were recorded
-LEAST = (
-    2.0  # s: the part without a loss of control (`without_runaway`) must be longer, else the whole recording is used
-)
+SPEED_HZ = 40.0  # bandwidth of velocities computed from angles, where none were recorded
+LEAST = 2.0  # s: shorter parts without a loss of control are not used alone (`without_runaway`)
 ROWS = 4096  # postures whose gravity torques are computed at a time
 
 
@@ -47,7 +45,7 @@ def sent(rec: Recording, robot: RobotModel) -> np.ndarray | None:
         tau = rec.tau_cmd
     elif c.mode == "position" and rec.q_cmd is not None and c.kp is not None and c.kd is not None:
         goal = np.zeros_like(rec.q) if rec.dq_cmd is None else rec.dq_cmd
-        speed = smooth(rec.time, rec.q, HEARD_HZ)[1] if rec.dq is None else rec.dq
+        speed = smooth(rec.time, rec.q, SPEED_HZ)[1] if rec.dq is None else rec.dq
         tau = position(rec.q_cmd, goal, rec.q, speed, c.kp, c.kd)
     elif c.mode == "osc" and rec.ee_cmd is not None:
         tau = as_asked(rec, robot).tau_cmd

@@ -353,7 +353,7 @@ def _settle(rec: Recording) -> float:
 
 
 def _every(recordings: Sequence[Recording]) -> list[int]:
-    """Return for each recording of how many samples one is compared.
+    """Return a number k for each recording: one in k of its samples is compared.
 
     At most about `READINGS` readings are compared in total, unless a rate would fall below `LEAST_HZ`.
     """

@@ -35,7 +35,7 @@ def run_together(
         evaluate: returns the residuals of worlds; it gets the merged requests.
         progress: called with a message after each round of requests.
         turn: called each time all jobs wait, before any is answered.
-        length: of a residual.
+        length: number of entries of a residual.
         at_once: bytes of residuals that are computed at a time, though at least one job's request.
     """
     lock = threading.Condition()

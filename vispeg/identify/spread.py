@@ -15,7 +15,7 @@ from vispeg.identify.pool import Submit
 from vispeg.worlds.world import World
 
 _made: OrderedDict[str, Evidence] = OrderedDict()  # evidence that this worker process has built, by name
-KEPT = 2  # most of them kept
+KEPT = 2  # largest number of evidences kept
 
 
 def spread(make: Callable[[], Evidence], workers: int) -> Submit:

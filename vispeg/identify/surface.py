@@ -36,9 +36,10 @@ def cost(evidence: Restarts, worlds: Sequence[World]) -> np.ndarray:
 
 
 def coordinates(space: Space, u: np.ndarray) -> np.ndarray:
-    """Return for each coordinate at `u` the size of a step of one unit: a scale moves by a share of itself.
+    """Return for each coordinate at `u` the size of one step: 1, or the coordinate's own size.
 
-    A scale is a parameter whose null is not 0; on a log axis, that is a step of 1.
+    The latter is for scales (parameters whose null is not 0) on a linear axis, which thus change by a share of
+    themselves.
     """
     return np.array(
         [1.0 if a.param.scale == "log" or a.param.null == 0 else abs(x) for a, x in zip(space.axes, u, strict=True)]

@@ -15,10 +15,8 @@ from scipy import optimize, stats
 from vispeg.core.errors import UserError
 from vispeg.measure.trace import Trace, steps
 
-BEFORE, LATE = (
-    0.2,
-    0.1,
-)  # s before a step: the joint rests from BEFORE to LATE, not up to the step, as a command may be logged late
+# s before a step between which the angle at rest is read; not up to the step, as a command may be logged late
+BEFORE, LATE = 0.2, 0.1
 STARTS, TRIED = (5.0, 20.0, 80.0, 250.0), 3  # rad/s, starts of the fit; number of the best starts that are used
 POSITIVE = ("natural_frequency", "damping_ratio")
 NAMES = {"gain": "1", "natural_frequency": "rad/s", "damping_ratio": "1", "delay": "s"}

@@ -20,17 +20,17 @@ from vispeg.recordings.recording import Recording
 from vispeg.sim.rollout import ReadingNoise, simulate
 from vispeg.worlds.world import World
 
-DRAWS = 16  # of the noise
+DRAWS = 16  # number of draws of the noise
 
 
 def noise_motion(evidence: Evidence, world: World) -> float:
     """Return the mean squared motion of `world` due to noise in its feedback, over the variance of the readings' noise.
 
     It adds to the noise of the readings themselves (`reading_noise`), and is 0 except under OSC or if `world` has an
-    encoder coarser than its noise. It is simulated with draws of the stated or measured noise. They differ widely,
-    because a null space drifts slowly, so a high quantile of them is returned (`noise_quantile`). With coarse encoders,
-    where each draw starts elsewhere within a step, it is a lower one (`noise_quantile_coarse`), so that a wide floor
-    does not hide missing effects.
+    encoder coarser than its noise. It is simulated with draws of the stated or measured noise. The draws differ
+    widely, because a null space drifts slowly, so a high quantile over them is returned (`noise_quantile`). If an
+    encoder is coarse, each draw starts elsewhere within a step, and the quantile is lower (`noise_quantile_coarse`), so
+    that a wide floor does not hide missing effects.
     """
     total, count, share = np.zeros(DRAWS), 0, RULES.noise_quantile
     for item in evidence.items:

@@ -34,10 +34,10 @@ DOWN = Rotation.from_quat([1.0, 0.0, 0.0, 0.0])  # flange z straight down
 
 @dataclass(frozen=True)
 class Part:
-    """A sine of one of the hand's freedoms: `size` (rad or m) at `cycles` whole periods a motion, `phase` of a turn.
+    """A sine of one of the hand's freedoms: amplitude `size` (rad or m), `cycles` periods in the motion.
 
-    Freedoms: `tip` and `lean` turn the hand about the goal (about the base's y and x), `roll` about its own
-    axis, `rise` lifts it (0 to 2 `size`), `along` and `across` move it sideways.
+    `phase` at the start is a share of a period. Freedoms: `tip` and `lean` turn the hand about the goal (about the
+    base's y and x), `roll` about its own axis, `rise` lifts it (0 to 2 `size`), `along` and `across` move it sideways.
     """
 
     freedom: str
@@ -138,9 +138,9 @@ def _poses(name: str, scene: Scene, time: np.ndarray, grown: float, down: Rotati
         wave = 1 - np.cos(angle) if part.freedom == "rise" else np.sin(angle)
         at[part.freedom] = at[part.freedom] + grown * part.size * weight * wave
     about = Rotation.from_euler("xy", np.stack([at["lean"], at["tip"]], 1))
-    mouth = np.array(scene.target)
+    goal = np.array(scene.target)
     above = np.stack([at["along"], at["across"], HEIGHT + at["rise"] + scene.tip], 1)
-    return about * down * Rotation.from_euler("z", at["roll"][:, None]), mouth + about.apply(above)
+    return about * down * Rotation.from_euler("z", at["roll"][:, None]), goal + about.apply(above)
 
 
 def _speed(motion: Motion, scene: Scene) -> tuple[float, str]:

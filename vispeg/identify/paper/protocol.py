@@ -3,8 +3,7 @@
 A recording under operational space control is cut into short pieces. Each is simulated from its own measured start,
 so that an error does not grow along the whole motion. The cost is the sum over the pieces of the 2-norm of measured
 minus simulated flange positions. The protocol uses only the flange position; `vispeg fit --effects` uses all channels.
-For the accuracy of the values see
-`vispeg.identify.paper.intervals`.
+`vispeg.identify.paper.intervals` computes the accuracy of the values.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from vispeg.sim.rollout import simulate
 from vispeg.sim.segments.segment import Segment, segments
 from vispeg.worlds.world import World
 
-PIECES, STEPS = 9, 50
+PIECES, STEPS = 9, 50  # number of pieces of a recording, and of compared samples in each
 TILT, MASS, DECAY = 0.01, 0.3, 2.0  # rad, kg, 1/s: typical sizes; damping is DECAY times inertia
 WORST = 1.0  # m per step: cost of a piece whose rollout diverged
 GENERATIONS = 120

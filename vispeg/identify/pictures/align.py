@@ -26,9 +26,9 @@ from vispeg.worlds.world import World
 
 CAMERA = ("camera_offset", "focal_error", "principal_point_error", "lens_distortion", "camera_delay")
 FREED, ROLLING = (*CAMERA, "encoder_offset"), ("rolling_shutter",)
-WINDOWS = (8.0, 8.0, 5.0, 3.0)  # px
-LOOSE = 6.0  # width of the weak prior, in typical sizes
-STEPS = 4
+WINDOWS = (8.0, 8.0, 5.0, 3.0)  # px within which edges are searched, stage by stage
+LOOSE = 6.0  # standard deviation of the weak prior, in typical sizes
+STEPS = 4  # Gauss-Newton steps at each stage
 SPARSE = 12  # frames used in the coarse stage
 
 
@@ -59,7 +59,7 @@ def align(
 ) -> tuple[World, list[Points]]:
     """Return the world whose borders lie on the edges, and the points found there.
 
-    `recall` may have the world cached.
+    `recall` returns a cached world if it has one.
     """
 
     def work_out() -> list:

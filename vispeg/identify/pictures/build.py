@@ -28,8 +28,9 @@ Groups = tuple[Sequence[Sight], ...]
 def seeing(scene: Scene, groups: Groups, world: World) -> tuple[tuple[list[Sight], ...], list[str]]:
     """Leave out the cameras that see nothing of the cell from their pose in a world.
 
-    A camera sees something in a frame that shows a border, or a part as near as depth is compared with a reading there.
-    One that does so in fewer than `frames_least` frames of a group is left out of all groups.
+    A camera sees something in a frame that shows a border of the cell, or that has depth readings on parts of the cell
+    within the compared distance. If that holds for fewer than `frames_least` frames of a group, the camera is left out
+    of all groups.
 
     Args:
         scene: the cell.

@@ -31,7 +31,7 @@ FAST = 60.0  # px/s along the normals, least spread of border speeds that shows 
 STILL = 1.0  # px/s, below which a border counts as still
 QUIET = 0.2  # quantile of local scatter: the quietest places have noise but no texture
 GRAIN = 2.5  # code values, standard deviation of an ordinary camera's noise
-WINDOW = 3.0  # px
+WINDOW = 3.0  # px within which the edge of a border is searched
 NOISE, MOTION = "rgb_noise", "motion_blur"
 
 

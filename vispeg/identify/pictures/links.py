@@ -22,7 +22,15 @@ LEAST = 40  # fewest points of a usable frame
 
 @dataclass(frozen=True, eq=False)
 class Links:
-    """Observations (n,) of points: index of the point, of the frame, pixel (n, 2), and 1 - cos^4 of the view angle."""
+    """Observations of points of the room.
+
+    Attributes:
+        place: (n,) index of the point.
+        frame: (n,) index of the frame that shows it.
+        pixel: (n, 2) where, px.
+        fall: (n,) 1 - cos^4 of the angle between view ray and optical axis.
+        frames: number of frames.
+    """
 
     place: np.ndarray
     frame: np.ndarray

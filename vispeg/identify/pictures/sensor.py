@@ -57,7 +57,7 @@ class FigureItem:
 
     @property
     def sigma(self) -> np.ndarray:
-        """(1,) unit: each figure is already divided by its scatter."""
+        """Noise of a figure, (1,): 1, because each figure is already divided by its scatter."""
         return np.ones(1)
 
     @property
@@ -103,7 +103,7 @@ class SensorEvidence(Evidence):
     def frees(self, kind: Effect, name: str) -> bool:
         """Return whether a parameter may be fitted.
 
-        Not fitted are the held ones and a stereo pair's own dimensions, which its data sheet states.
+        The parameters in `held` and the dimensions of a stereo pair, which its data sheet states, may not.
         """
         return name not in PARAMS and (kind.name, name) not in self.held
 

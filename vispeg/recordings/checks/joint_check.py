@@ -15,12 +15,9 @@ from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.noise import highpass_sigma, silent
 from vispeg.recordings.recording import Recording
 
-SMOOTHING_HZ = 20.0
-OVER_ANGLE, OVER_SPEED, OVER_TORQUE = (
-    1e-3,
-    1.02,
-    1.02,
-)  # rad, factors of limits: beyond noise
+SMOOTHING_HZ = 20.0  # bandwidth of the smoothed motion
+OVER_ANGLE = 1e-3  # rad beyond a limit that noise does not reach
+OVER_SPEED, OVER_TORQUE = 1.02, 1.02  # multiples of a limit that noise does not reach
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,7 @@ Needs = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # motion (n,
 MOTION_HZ = 8.0  # bandwidth of the smoothed motion
 POSTURES = 24  # samples at which a joint order is evaluated
 MOST = 720  # joint orders up to which all are tried: 6! for six joints
-BETTER = (
-    2.0  # factor by which another order must lower the error: unmodelled payload or friction do not cause that much
-)
+BETTER = 2.0  # factor by which another order must lower the error; a payload or friction alone causes less
 SAMPLES = 2000  # rows from which the torque scale is fitted
 EXPLAINED = 0.5  # least share of a torque's variance that the model, given friction, explains for its scale to be known
 TORQUE = 3.0  # friction, gear errors or a payload change the torque scale by less than this factor

@@ -11,8 +11,8 @@ from vispeg.recordings.columns import columns_of
 from vispeg.recordings.recording import Recording
 
 SPAN = 0.1  # s over which speeds are summed: encoder noise and a filter's delay matter little there
-ALIKE, TOGETHER = 1.5, 0.9  # largest factor that filtering may cause in speeds; least correlation for a slope to count
-OFF = (  # (slope of speeds over the change of angles, the correction that it suggests)
+MOST_FACTOR, TOGETHER = 1.5, 0.9  # largest factor due to filtering of speeds; least correlation for a slope to count
+CORRECTIONS = (  # (slope of speeds over the change of angles, the correction that it suggests)
     (180 / math.pi, "deg/s for dq, or rad for q"),
     (math.pi / 180, "deg for q, or rad/s for dq"),
     (1e3, "ms for the time"),
@@ -73,8 +73,8 @@ def against_speeds(rec: Recording, inside: np.ndarray, period: float) -> list[Do
     groups: dict[str, list[tuple[int, float]]] = {}
     for j in range(rec.q.shape[1]):
         ratio = _ratio(rec.q[:, j], rec.dq[:, j], step, lag)
-        if ratio is not None and not 1 / ALIKE < ratio < ALIKE:
-            likely = next((said for factor, said in OFF if 0.8 < ratio / factor < 1.25), "")
+        if ratio is not None and not 1 / MOST_FACTOR < ratio < MOST_FACTOR:
+            likely = next((said for factor, said in CORRECTIONS if 0.8 < ratio / factor < 1.25), "")
             groups.setdefault(likely, []).append((j, ratio))
     return [_doubt(rec, likely, wrong) for likely, wrong in groups.items()]
 

@@ -33,9 +33,7 @@ from vispeg.recordings.tables.table import Dialect, Reading, Table
 from vispeg.recordings.tables.table_csv import COMMENT, MOST_COMMENTS, opened
 
 ROWS = 200_000  # rows that are read: the header and the ranges of the values need no more
-AGREE = (
-    2.0  # factor by which published and fitted torque constants may differ: errors of masses and friction cause less
-)
+AGREE = 2.0  # factor by which published and fitted torque constants may differ; errors of masses and friction are less
 BEYOND = 5.0  # if readings taken as amperes give more than this multiple of the torque limit, they are milliamperes
 QUESTION = (
     f"their torque constants, N m/A at the joint (motor constant x gear), would give torques without the use of the "
