@@ -87,13 +87,18 @@ class EffectLoop:
 
     def forces(self, command: np.ndarray, x: DriveState, dry: np.ndarray | None) -> Forces:
         """Compute one step's torques for `command` and the model's own dry friction `dry`, both (nsim, nj) N m."""
+        tau, motor = self.drive(command, x)
+        level = self.friction(x, dry) if self.frictions and dry is not None else None
+        return Forces(tau, motor, *self.torque(x), level)
+
+    def drive(self, command: np.ndarray, x: DriveState) -> tuple[np.ndarray, np.ndarray]:
+        """Return one step's torques of the drives and of their motors for `command`, all (nsim, nj) N m."""
         tau, motor = command, None
         for a in self.drives:
             if motor is None and a.effect.order >= GEAR:
                 motor = tau
             tau = a.effect.drive(self.states[a.effect.name], tau, x, a.p)
-        level = self.friction(x, dry) if self.frictions and dry is not None else None
-        return Forces(tau, tau if motor is None else motor, *self.torque(x), level)
+        return tau, tau if motor is None else motor
 
     def friction(self, x: DriveState, dry: np.ndarray) -> np.ndarray:
         """Return the level (nsim, nj) N m of dry friction, given the model's own."""

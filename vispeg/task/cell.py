@@ -162,7 +162,7 @@ class Cell(Plant):
 
     def gear_torque(self) -> np.ndarray:
         """Return the torque (nsim, nj) N m that the gears transmitted to the links in the last step."""
-        return self.x.tau if self.loop.acts else self._geared(self.beside)
+        return self.x.tau if self.loop.acts and not self.loop.foreseen else self._geared(self.beside)
 
     def advance(self, command: np.ndarray, nsub: int) -> None:
         """Simulate `nsub` physics steps under the held command (nsim, nj) N m."""
@@ -187,8 +187,7 @@ class Cell(Plant):
             return
         if self.loop.foreseen:  # the effects depend on the command alone, not on the motion within the tick
             for _ in range(nsub):
-                self._move(self.forces(command).drive)
-            self.x.tau = self._geared(self.beside)
+                self._move(self.loop.drive(command, self.x)[0])
             return
         for sub in range(nsub):
             if sub:
