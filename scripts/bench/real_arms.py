@@ -109,8 +109,8 @@ class Bench:
         )
         given: Inputs = read_inputs(self.model, self.fitted, self.held_out, seconds=self.arm.seconds)
         self.given, self.world = given, given.world
-        self.evidence = evidence_for(given.world, given.fitted)
-        self.judged = evidence_for(given.world, given.held_out, h_max=1e-3)
+        self.evidence = evidence_for(given.fitted)
+        self.judged = evidence_for(given.held_out, h_max=1e-3)
 
     def _recording(self, source: Path) -> Path:
         if not self.arm.map:

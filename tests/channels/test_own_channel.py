@@ -79,6 +79,19 @@ def test_a_signal_that_is_missing_is_not_called_a_short_recording(sides):
         CHANNELS["current"].evidence(World("iiwa14"), ((replace(rec, signals={"current": gone}),), ()), How())
 
 
+def test_a_signal_whose_noise_cannot_be_told_is_said_to_stand_or_to_be_read_too_rarely(sides):
+    rec = load(sides[0])
+    values = rec.signals["current"].values
+    row = np.arange(len(values))[:, None]
+    for changed, why in (
+        (np.where(np.arange(7) == 3, 0.5, values), "does not vary"),
+        (np.where((np.arange(7) == 3) & (row % 4 == 0), np.nan, values), "is never read five times in a row"),
+    ):
+        signals = {"current": replace(rec.signals["current"], values=changed, noise=None)}
+        with pytest.raises(UserError, match=f"current.joint4: {why}, so that its noise cannot be told"):
+            CHANNELS["current"].evidence(World("iiwa14"), ((replace(rec, signals=signals),), ()), How())
+
+
 def test_it_is_looked_in_beside_the_joints(sides):
     both = [(load(side),) for side in sides]
     assert available(World("iiwa14"), *both) == resolve(World("iiwa14"), *both) == ("joints", "current")

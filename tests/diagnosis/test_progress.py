@@ -90,6 +90,13 @@ def test_progress_of_other_inputs_is_not_used(tmp_path):
     assert Progress(file, ["a", 2]).recall("another question", lambda: 7) == 7
 
 
+def test_a_part_of_a_part_has_answers_of_its_own():
+    whole = Progress()
+    parts = [whole, whole.part("joints"), whole.part("baseline"), whole.part("joints").part("baseline")]
+    assert [part.recall("question", lambda k=k: k) for k, part in enumerate(parts)] == [0, 1, 2, 3]
+    assert whole.part("joints").part("baseline").recall("question", lambda: "not asked") == 3
+
+
 def test_a_spoilt_file_is_said(tmp_path):
     file = tmp_path / "progress.json"
     file.write_text('{"key": ')

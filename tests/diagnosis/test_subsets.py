@@ -44,7 +44,7 @@ def judged(tmp_path_factory):
     swing = 0.4 * (1 - np.cos(2 * np.pi * np.outer(t, [0.7, 1.1])))
     s = drive(robot, "position", 0.0, command=swing, seconds=6.0, rate=200.0, kp=60.0, kd=4.0)
     recording = recorded(robot, robot.source, World().add(FRICTION, DAMPING), s, stream(5, "subsets"))
-    return evidence_for(World(robot.source), [recording], 1)
+    return evidence_for([recording], 1)
 
 
 def test_every_choice_has_the_error_and_the_residual_of_its_world(judged):

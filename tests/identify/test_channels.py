@@ -27,7 +27,7 @@ def evidence(mode: str):
     rec = recorded(ROBOT, "iiwa14", World(), segment, stream(1, "channels"))
     if mode == "unknown":
         rec = replace(rec, control=Control("unknown", rec.rate_hz), q_cmd=None, dq_cmd=None)
-    return evidence_for(World(), [rec])
+    return evidence_for([rec])
 
 
 @pytest.mark.parametrize("mode", PINNED)

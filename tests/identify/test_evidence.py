@@ -111,7 +111,7 @@ def test_unusable_recordings_are_refused(recordings):
     with pytest.raises(UserError, match="joints"):
         Evidence([replace(recordings[0], joints=tuple(f"a{i}" for i in range(7)))])
     with pytest.raises(UserError, match="different robots"):
-        evidence_for(World(), [recordings[0], replace(recordings[1], robot="other.xml")])
+        evidence_for([recordings[0], replace(recordings[1], robot="other.xml")])
 
 
 def test_worlds_are_rolled_out_a_few_at_a_time_where_memory_is_short(evidence, monkeypatch):

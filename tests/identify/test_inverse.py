@@ -33,7 +33,7 @@ def passively(world: World, seed: int = 0, seconds: float = 3.0):
 
 @pytest.fixture(scope="module")
 def evidence():
-    return evidence_for(World(), [passively(World(), s) for s in (0, 1)])
+    return evidence_for([passively(World(), s) for s in (0, 1)])
 
 
 def accelerations(item):
@@ -64,7 +64,7 @@ def test_missing_angles_are_left_out_and_said(gap):
     rec = passively(World())
     q = rec.q.copy()
     q[500 : 500 + gap, 2] = np.nan
-    evidence = evidence_for(World(), [replace(rec, q=q)])
+    evidence = evidence_for([replace(rec, q=q)])
     residual = evidence.residuals([World()])[0]
     assert evidence.rms_error(residual) < 0.4 and evidence.count > 100
     (note,) = [line for line in evidence.notes if "missing" in line]
@@ -93,11 +93,11 @@ def test_an_effect_adds_its_own_torque_at_its_own_joint(evidence, name, where, v
 def test_torque_of_no_stated_sensor_is_used_nowhere():
     rec = passively(World())
     with pytest.raises(UserError, match="torque_sensor.*is none, so that no torque is used; expected joint or motor"):
-        evidence_for(World(), [replace(rec, torque_sensor="none")])
+        evidence_for([replace(rec, torque_sensor="none")])
     driven = recorded(ROBOT, "iiwa14", World(), iiwa_segment("position", 2.0, seed=0), stream(0, "torque"))
     assert driven.tau is not None
     for sensor, channels in (("joint", 14), ("none", 7)):
-        item = evidence_for(World(), [replace(driven, torque_sensor=sensor)]).items[0]
+        item = evidence_for([replace(driven, torque_sensor=sensor)]).items[0]
         assert item.measured.shape[1] == channels, sensor
 
 
@@ -105,8 +105,8 @@ def test_episodes_are_differentiated_each_on_its_own():
     a, b = passively(World(), 0), passively(World(), 1)
     both = {n: np.concatenate([getattr(a, n), getattr(b, n)]) for n in ("time", "q", "tau")}
     number = np.repeat([0, 1], [len(a.time), len(b.time)])
-    whole = evidence_for(World(), [replace(a, episode=number, noise={"tau": 0.2}, **both)])
-    apart = evidence_for(World(), [replace(r, noise={"tau": 0.2}) for r in (a, b)])
+    whole = evidence_for([replace(a, episode=number, noise={"tau": 0.2}, **both)])
+    apart = evidence_for([replace(r, noise={"tau": 0.2}) for r in (a, b)])
     assert [len(i.measured) for i in whole.items] == [len(i.measured) for i in apart.items]
     np.testing.assert_allclose(whole.residuals([World()])[0], apart.residuals([World()])[0], atol=1e-9)
 
@@ -144,7 +144,7 @@ def test_friction_is_recovered_without_a_controller():
         tau = rec.tau.copy()
         tau[:, 3] += 3.0 * dq + 2.0 * np.tanh(dq / 0.01)
         recs.append(replace(rec, tau=tau, torque_sensor="motor"))
-    ev = evidence_for(World(), recs)
+    ev = evidence_for(recs)
     start = World().add(
         EffectInstance.of("viscous_friction", "joint4", damping=1.0),
         EffectInstance.of("coulomb_friction", "joint4", torque=0.5),

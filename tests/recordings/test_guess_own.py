@@ -42,6 +42,13 @@ def test_commands_of_no_stated_quantity_that_the_angles_do_not_follow_are_not_us
     assert "not used: target_1 (a command of no stated quantity, which the angles do not follow)" in said
 
 
+def test_speeds_of_the_tool_are_not_those_of_the_joints(tmp_path, capsys):
+    columns = numbered("pos_{}", Q, 1) | numbered("actual_TCP_speed_{}", CURRENT, 1)  # as many as the joints
+    rec, said = converted(tmp_path, {"time": TIME} | columns | numbered("tau_{}", TAU, 1), capsys)
+    assert rec.dq is None and not rec.signals
+    assert "not used: actual_TCP_speed_1 (a pose, speed or force of the tool, not of a joint)" in said
+
+
 @pytest.mark.parametrize(
     ("pattern", "first", "called", "unit"),
     [

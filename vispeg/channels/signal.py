@@ -86,8 +86,10 @@ class SignalEvidence(Evidence):
         values = signal.values[rows]
         sigma = highpass_sigma(signal.values) if signal.noise is None else np.full(values.shape[1], signal.noise)
         if not (sigma > 0).all():
-            joint = rec.joints[int(np.argmin(sigma))]
-            what = "does not vary, so that its noise cannot be told"
+            j = int(np.argmin(sigma))
+            joint, in_a_row = rec.joints[j], np.isfinite(np.diff(signal.values[:, j], 4)).any()
+            why = "does not vary" if in_a_row else "is never read five times in a row"
+            what = f"{why}, so that its noise cannot be told"
             expected = f"signals.{self.channel.name}.noise"
             raise UserError(what, file=rec.path, key=f"{self.channel.name}.{joint}", expected=expected)
         return (Column(self.channel.name, values, sigma, np.isfinite(values) & late, signal.unit),)

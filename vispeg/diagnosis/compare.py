@@ -43,7 +43,7 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
     Raises:
         UserError: recordings that cannot be compared with the model.
     """
-    evidence = evidence_for(world, recordings, nthread, h_max=1e-3)
+    evidence = evidence_for(recordings, nthread, h_max=1e-3)
     predicted = evidence.simulated([world])
     residual = evidence.residuals([world])[0]
     lost = diverged(evidence, world, predicted)

@@ -30,20 +30,20 @@ class Progress:
         key: everything that a diagnosis depends on; a file with another key is not used, and is replaced.
 
     Attributes:
-        of: name of the part that questions belong to (`part`); None for the whole.
+        of: names of the parts, each within the one before it, that questions belong to (`part`); none for the whole.
         resumed: number of answers found in the file.
     """
 
     def __init__(self, file: Path | None = None, key: Any = None):
         self.file, self.key, self.answers = file, _hash(key), {}
-        self.of: str | None = None
+        self.of: list[str] = []
         if file is not None and file.is_file():
             self.answers = _read(file, self.key)
         self.resumed = len(self.answers)
 
     def recall(self, question: Any, work_out: Callable[[], Any]) -> Any:
         """Return the stored answer to a question (both plain JSON data), else compute it by `work_out` and store it."""
-        at = _hash(question if self.of is None else [self.of, question])
+        at = _hash([*self.of, question] if self.of else question)
         if at not in self.answers:
             self.answers[at] = work_out()
             self._write()
@@ -52,7 +52,7 @@ class Progress:
     def part(self, of: str) -> Progress:
         """Return a part of the progress for another diagnosis in the same run: same file, separate questions."""
         other = copy(self)
-        other.of = of
+        other.of = [*self.of, of]
         return other
 
     def _write(self) -> None:

@@ -84,7 +84,7 @@ def diagnose(
         UserError: recordings that cannot be compared with the world, or in which nothing moves.
     """
     still = refuse_motionless(fitted, held_out)
-    evidence, judged = evidence_for(world, fitted, nthread), evidence_for(world, held_out, nthread, h_max=1e-3)
+    evidence, judged = evidence_for(fitted, nthread), evidence_for(held_out, nthread, h_max=1e-3)
     evidence, judged = without_drift(evidence, world), without_drift(judged, world)
     roles = recast(world, evidence, judged)
     if roles is not None:
@@ -92,7 +92,7 @@ def diagnose(
         still.append(roles.note)
         if roles.held_out is not judged.recordings:
             fitted, held_out = roles.fitted, roles.held_out
-            evidence, judged = evidence_for(world, fitted, nthread), evidence_for(world, held_out, nthread, h_max=1e-3)
+            evidence, judged = evidence_for(fitted, nthread), evidence_for(held_out, nthread, h_max=1e-3)
     say("asking the torques what is missing")
     proposal = propose(world, fitted, held_out)
     if proposal is not None:

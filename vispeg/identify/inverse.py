@@ -172,11 +172,10 @@ def rigid_body(robot: RobotModel, world: World, q: np.ndarray, dq: np.ndarray) -
     return dense(model, mass)[:, v][:, :, v], bias[:, v].copy()
 
 
-def evidence_for(world: World, recordings: Sequence[Recording], nthread: int = 1, h_max: float = 2e-3) -> Evidence:
+def evidence_for(recordings: Sequence[Recording], nthread: int = 1, h_max: float = 2e-3) -> Evidence:
     """Return rollout evidence if every controller is known, otherwise inverse dynamics.
 
     Args:
-        world: not used.
         recordings: of one robot.
         nthread, h_max: as in `Evidence`; inverse dynamics needs neither.
 

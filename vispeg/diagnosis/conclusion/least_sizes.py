@@ -17,6 +17,7 @@ from scipy import stats
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
+from vispeg.diagnosis.conclusion.intervals import Z
 
 DRAWS = 200  # draws of the errors e; the test must pass in a share `RULES.power` of them
 REACH = (1e-4, 1e4)  # multiples c of the trial size between which the least is sought
@@ -79,7 +80,7 @@ def least_coefficient(fitted: Trace, held_out: Trace, needs: Needs) -> float:
         needs: what the search requires.
     """
     # standard errors from null to the estimate, so that with `power` the 95 % interval excludes null
-    ends = 1.96 + float(stats.norm.ppf(RULES.power))
+    ends = Z + float(stats.norm.ppf(RULES.power))
     totals = ((fitted, 0.0), (held_out, needs.held_out))
     least = max(np.sqrt(_surely(t, drop) / max(t.square.sum(), 1e-300)) for t, drop in totals)
     least = max(least, ends * fitted.error / np.sqrt(max(fitted.alone, 1e-300)), REACH[0])

@@ -52,10 +52,7 @@ def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
     names = ", ".join(r.name for r in judged.recordings)
     if len(loud) == 1:
         first, second = halves(loud[0])
-        if (
-            np.ptp(second.time) > RULES.half_least
-            and min(shown(evidence_for(world, [first, second]), world)) > RULES.loud
-        ):
+        if np.ptp(second.time) > RULES.half_least and min(shown(evidence_for([first, second]), world)) > RULES.loud:
             rest = [r for r in evidence.recordings if r is not loud[0]]
             note = f"only {loud[0].name} shows what the model lacks: its second half judges what is fitted to its first"
             return Roles([first, *rest, *judged.recordings], [second], note)

@@ -45,6 +45,7 @@ OTHER = {  # quantity -> words that name it, and why it is not used
     "voltage": ({"voltage", "voltages", "volt", "spannung"}, "voltages are not"),
     "error": ({"error", "err", "fehler"}, "a difference follows from the others"),
     "raw": ({"counts", "ticks", "raw", "pwm"}, "raw counts: their scale is not known"),
+    "tool": ({"tcp", "cartesian"}, "a pose, speed or force of the tool, not of a joint"),
     "jerk": ({"jerk", "dtau"}, "derivatives are not"),
 }  # fmt: skip
 COMMANDED = {"cmd", "command", "commanded", "commands", "des", "desired", "target", "targets", "setpoint", "setpoints",
