@@ -178,8 +178,10 @@ def exact(batch: Any) -> None:
     batch.expand("opt.ccd_tolerance")[:] = OVERLAP
 
 
-def firm(batch: Any, model: Any, joint: str) -> None:
+def firm(batch: Any, model: Any, joint: str, rows: Any = slice(None)) -> None:
     """Reduce the creep of a joint that dry friction holds, without changing the force at which it slips.
+
+    Only the given rows of the batch are changed, by default all.
 
     MuJoCo regularizes friction by `R = (1 - d) / d w` with the joint's inverse weight w; d is at most 0.9999. Under
     a force f a joint at rest therefore creeps at `f R / b`, 20 um/s for a held part under 25 N; real dry friction does
@@ -187,18 +189,19 @@ def firm(batch: Any, model: Any, joint: str) -> None:
     Call this after `derive`, which sets that field. Source: MuJoCo 4.0 manual, Computation, Constraint model, Friction
     loss.
     """
-    batch.expand("dof_invweight0")[:, model.joint(joint).dofadr[0]] *= FIRM
+    batch.expand("dof_invweight0")[rows, model.joint(joint).dofadr[0]] *= FIRM
 
 
-def derive(batch: Any, fields: Fields) -> None:
+def derive(batch: Any, fields: Fields, rows: np.ndarray | None = None) -> None:
     """Update the constants that MuJoCo derives from model fields, without losing the values that effects wrote.
 
+    `rows` are the indices of the rows in which fields have changed, by default all.
     `set_const` resets spring references and the like from `qpos0`, which would undo an effect that writes them.
     """
     if not fields.touched:
         return
     keep = {n: batch.expand(n).copy() for n in fields.touched if n.startswith("qpos")}
-    batch.set_const()
+    batch.set_const(rows)
     for name, values in keep.items():
         batch.expand(name)[:] = values
 

@@ -130,9 +130,9 @@ class WarpBatch:
         """Return a model field's values by row, read-only, or None if all rows have the model's."""
         return self._host.expanded(name)
 
-    def set_const(self) -> None:
-        """Derive constants such as inverse weights from the model fields of each row."""
-        self._host.set_const()
+    def set_const(self, ids: np.ndarray | None = None) -> None:
+        """Derive constants such as inverse weights from the model fields of rows (indices; None: all)."""
+        self._host.set_const(ids)
         self._unsent |= {name for name in BY_ROW if self._host.expanded(name) is not None}
 
     def reset(self, ids: np.ndarray | None = None, stage: int = mujoco.mjtStage.mjSTAGE_ACC.value) -> None:

@@ -100,9 +100,9 @@ class Cell(Plant):
         for name, values in fresh.values.items():
             self.batch.expand(name)[rows] = values
         if CONSTANT & set(fresh.values):
-            derive(self.batch, fields)
+            derive(self.batch, fields, rows)
             if self.filtered:
-                self._firm()
+                self._firm(rows)
         if self.dry is not None:
             self.dry[rows] = self._row_field("dof_frictionloss")[rows]
         self.armature, self.damping = self._row_field("dof_armature"), self._row_field("dof_damping")
@@ -144,9 +144,9 @@ class Cell(Plant):
         self._firm()
         self.filtered = True
 
-    def _firm(self) -> None:
+    def _firm(self, rows: Any = slice(None)) -> None:
         if self._held_by:
-            firm(self.batch, self.model, self._held_by)
+            firm(self.batch, self.model, self._held_by, rows)
 
     def felt(self) -> np.ndarray:
         """Return the wrist sensor's reading: the wrench of the tool on the flange, flange frame, (nsim, 6) N and N m.
