@@ -178,7 +178,7 @@ def exact(batch: Any) -> None:
     batch.expand("opt.ccd_tolerance")[:] = OVERLAP
 
 
-def firm(batch: Any, model: Any, joint: str, rows: Any = slice(None)) -> None:
+def firm(batch: Any, model: Any, joint: str, rows: np.ndarray | slice = slice(None)) -> None:
     """Reduce the creep of a joint that dry friction holds, without changing the force at which it slips.
 
     Only the given rows of the batch are changed, by default all.

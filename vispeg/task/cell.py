@@ -144,7 +144,7 @@ class Cell(Plant):
         self._firm()
         self.filtered = True
 
-    def _firm(self, rows: Any = slice(None)) -> None:
+    def _firm(self, rows: np.ndarray | slice = slice(None)) -> None:
         if self._held_by:
             firm(self.batch, self.model, self._held_by, rows)
 
