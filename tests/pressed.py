@@ -62,7 +62,7 @@ def _recorded(plants: Sequence[tuple[EffectInstance, ...]], seed: int, turned: b
     control.home = start[0]
     inertia = 1 / np.diagonal(np.linalg.inv(control.nominal.operational(start)[0]), axis1=1, axis2=2)
     cell.start(start, np.zeros_like(start), control.nominal.gravity(start).copy(), inertia)
-    cell.recorded()
+    cell.use_recording_settings()
     angles, wrenches = [], []
     for goal in pos:
         cell.read()

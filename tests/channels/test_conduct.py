@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from vispeg.channels.channel import CHANNELS, How
-from vispeg.channels.conduct import conduct, joined
+from vispeg.channels.conduct import Said, conduct, joined
 from vispeg.channels.joints import carrying
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
@@ -18,6 +18,7 @@ from vispeg.diagnosis.run import Diagnosis
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.recording import Control, Recording
 from vispeg.report.build import write_report
+from vispeg.report.text.summary import Line
 from vispeg.report.text.terminal import diagnosis_summary
 from vispeg.report.write import write_diagnosis
 from vispeg.task.belief import believed
@@ -137,6 +138,30 @@ def test_the_page_and_the_terminal_have_every_channel(tmp_path):
     (tmp_path / "diagnosis.json").write_text(json.dumps(old))
     write_report(tmp_path, overwrite=True)
     assert (tmp_path / "report.html").read_text() == page, "a record of the last release shows the same"
+
+
+def test_what_several_channels_say_of_the_recordings_is_in_the_terminal_once():
+    """Channels report the same missing readings and the same windows, and a contact's notes repeat them."""
+    gap, long = "a: 3 readings of q.joint2 are missing", {"recording": "b", "said": "b: one window, from 4 s, is used"}
+    told = []
+    for name in ("joints", "pictures", "contact"):
+        found = answer(ARM, (), name)
+        found.record.update(missing=[gap, f"{name} are rare"], windows=[long])
+        found.record.update({"evidence": "contact", "notes": [gap]} if name == "contact" else {})
+        told.append(Said(CHANNELS[name], found, ()))
+    record = joined(told, ARM).record
+    assert record["missing"] == [gap, "joints are rare", "pictures are rare", "contact are rare"]
+    assert record["windows"] == [long]
+    printed = [block.text for block in diagnosis_summary(record) if isinstance(block, Line)]
+    assert [printed.count(f"note: {line}") for line in (gap, long["said"], "joints are rare")] == [1, 1, 1]
+
+
+def test_a_channel_that_was_left_out_is_named_once():
+    """The record of the only channel left has the line under `missing`, for the terminal, and under `notes`."""
+    line = "pictures are left out: no camera sees the cell"
+    record = {**answer(ARM, (), "contact").record, "evidence": "contact", "missing": [line], "notes": ["slow", line]}
+    printed = [block.text for block in diagnosis_summary(record) if isinstance(block, Line)]
+    assert printed.count(f"note: {line}") == 1 and "note: slow" in printed
 
 
 def test_what_the_encoders_misread_is_taken_off():

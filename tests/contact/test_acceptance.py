@@ -15,7 +15,7 @@ from vispeg.contact.phases import NAMES
 from vispeg.contact.run import evidence_of
 from vispeg.contact.selection.profile import outward, probed, strongest, tries
 from vispeg.contact.selection.search import ContactSearch
-from vispeg.contact.selection.spare import includes_none, remove_uncertain, remove_unneeded
+from vispeg.contact.selection.spare import may_be_absent, remove_uncertain, remove_unneeded
 from vispeg.contact.sensor import true_per_read
 from vispeg.core.effect import EffectInstance
 from vispeg.core.params import Value
@@ -191,8 +191,8 @@ def spanned(placed: EffectInstance, **spans: tuple[float, float]) -> EffectInsta
         (FIXTURE, False),
     ],
 )
-def test_an_interval_includes_none_where_all_of_the_fitted_magnitudes_do(placed, includes):
-    assert includes_none(placed) == includes
+def test_an_effect_may_be_absent_where_the_intervals_of_all_fitted_magnitudes_include_null(placed, includes):
+    assert may_be_absent(placed) == includes
 
 
 @pytest.mark.parametrize("others", [(), (FRICTION,)])

@@ -13,7 +13,7 @@ from vispeg.contact.remainder import Rest, judged
 from vispeg.contact.selection.repeats import allowing, repeated, repeats, uncertainty
 from vispeg.contact.selection.screen import Probe
 from vispeg.contact.selection.shows_from import further, least_sizes, shown_from, surely
-from vispeg.contact.selection.spare import includes_none
+from vispeg.contact.selection.spare import may_be_absent
 from vispeg.core.effect import REGISTRY, EffectInstance
 from vispeg.core.params import Value
 from vispeg.core.rules import RULES
@@ -58,7 +58,7 @@ def test_a_pose_shows_from_no_nearer_to_none_than_an_arm_repeats_it():
     assert least["contact_friction", "peg"]["scale"] == pytest.approx(np.sqrt(need / 60) / 1.3)
     rng, size, told = np.random.default_rng(0), least["hole_offset", "fixture"]["x"], 0.5e-4
     for x in size + np.hypot(told, repeats()["m"]) * rng.standard_normal(400):
-        out.append(not includes_none(offset(x, x - 1.96 * told, x + 1.96 * told)))
+        out.append(not may_be_absent(offset(x, x - 1.96 * told, x + 1.96 * told)))
     assert np.mean(out) > RULES.power - 0.03, "as said: an offset of this size is hardly ever taken out again"
 
 

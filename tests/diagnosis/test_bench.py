@@ -86,6 +86,15 @@ def test_its_cameras_stand_where_the_file_has_them(tmp_path):
         assert np.allclose(turn @ np.diag([1, -1, -1]), data.cam_xmat[row].reshape(3, 3), atol=1e-9)
 
 
+@pytest.mark.parametrize(("projection", "seen"), [("perspective", ("above",)), ("orthographic", ())])
+def test_a_camera_without_perspective_is_left_out(tmp_path, projection, seen):
+    """Its `fovy` is a length, so it has no focal length in px."""
+    camera = f'<camera name="above" pos="0 0 2" projection="{projection}" fovy="1.5" resolution="64 48"/>'
+    path = write_mjcf(tmp_path)
+    path.write_text(path.read_text().replace("<worldbody>", f"<worldbody>{camera}"))
+    assert tuple(c.name for c in cameras_of(load(str(path)))) == seen
+
+
 def test_angles_and_pictures_alone_are_compared_and_checked(tmp_path):
     log = bare(tmp_path, recorded(tmp_path, "a", 0.3, fps=0.8))
     (tmp_path / "found.yaml").write_text(FOUND)

@@ -48,6 +48,19 @@ def test_the_verdict_rests_on_it_however_bad_the_nominal_model_was():
     assert decide(3000.0, 34.0, 9, [], [], farthest=67.0).verdict == "identified"
 
 
+def test_what_coarse_readings_leave_is_not_explained_by_any_effect():
+    """Both models are 7 noise variances above the 3 that the right model leaves: nothing of the excess is explained."""
+    nothing, half = (decide(10.0, after, 1, [], [], floor=3.0).unexplained for after in (10.0, 6.5))
+    assert nothing["explained_share"] == 0.0 and half["explained_share"] == 0.5
+
+
+def test_an_error_above_the_floor_is_not_laid_to_the_steps_of_the_encoders():
+    steps = "is what its steps leave"
+    assert steps in decide(9e4, 310.0, 1, [], [], floor=300.0, n_read=1).reason
+    above = decide(9e4, 900.0, 1, [], [], floor=300.0, n_read=1)
+    assert above.verdict == "identified" and steps not in above.reason and "fell from 300 to 30" in above.reason
+
+
 def test_an_adequate_model_says_what_noise_leaves_of_the_right_one():
     said = decide(1872.0, 1872.0, 0, [], [], floor=28920.0)
     assert said.verdict == "adequate" and "readings leave 170 × the noise floor" in said.reason

@@ -59,6 +59,15 @@ def test_two_frictions_are_told_apart_and_recovered():
     assert abs(result.correlation[0, 1]) > 0.3 and result.correlation[0, 0] == pytest.approx(1.0)
 
 
+def test_the_start_is_one_of_the_points_that_iterations_limits():
+    """One point takes no step and still has intervals; two take one step, which comes nearer."""
+    ev = evidence(TRUTH, 0)
+    jobs = [fit_job(ev, START, [0, 1], iterations=n) for n in (1, 2)]
+    none, one = run_together(jobs, ev.residuals)
+    np.testing.assert_allclose(values(none.world), values(START), rtol=1e-12)
+    assert (none.sigma > 0).all() and one.cost < none.cost
+
+
 def test_stated_errors_are_those_of_repeated_experiments():
     """Over twenty noise draws: 95 % intervals hold the truth, standard errors match the scatter of the estimates."""
     fits = [fit(evidence(TRUTH, seed), TRUTH) for seed in range(20)]

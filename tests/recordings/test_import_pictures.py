@@ -15,6 +15,7 @@ from vispeg.core.errors import UserError
 from vispeg.recordings.importers.bagimages import camera_name
 from vispeg.recordings.importers.lerobot_video import import_video
 from vispeg.recordings.importers.mapping import ColumnMap
+from vispeg.recordings.importers.pictures import Album
 from vispeg.recordings.importers.rosbag import Topics, import_rosbag
 from vispeg.recordings.load import load
 from vispeg.recordings.write import write
@@ -96,6 +97,20 @@ def bag(path, kind, damaged="", lens=(0.1, -0.02, 1e-3, 2e-3, 0.0), focal=20.0):
             for name in ("/wrist/color", "/side", "/wrist/depth", "/side/depth", "/png", "/deep", "/d435/color"):
                 send(f"{name}/camera_info", at, info(at))
     return path
+
+
+def test_depth_of_another_unit_is_refused_as_another_size_is(tmp_path):
+    album, depth = Album(tmp_path), np.full((H, W), 0.5)
+    album.add("eye", 0.0, depth, unit=1e-3)
+    album.add("eye", 0.0, RGB[0])
+    album.add("eye", 0.1, depth, unit=1e-3)
+    with pytest.raises(
+        UserError, match="depth pictures of 'eye' change their unit.*0.001 m per step.*0.0001 m"
+    ) as said:
+        album.add("eye", 0.2, depth, unit=1e-4)
+    assert "\n" not in str(said.value)
+    with pytest.raises(UserError, match="change their size"):
+        album.add("eye", 0.2, depth[:6], unit=1e-3)
 
 
 @pytest.mark.parametrize("kind", ["bag", "mcap"])

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from vispeg.core.errors import UserError
-from vispeg.core.lens import undistort
+from vispeg.core.lens import distort, undistort
 from vispeg.core.rotation import quaternion
 from vispeg.core.seeds import stream
 from vispeg.render.cameras.camera import Camera, looking_at, rotation
@@ -38,6 +38,16 @@ def test_where_the_lens_folds_back_no_ray_leads():
     radius = np.array([0.3, 0.8, 0.87, 2.0])
     seen = undistort(np.stack([radius, np.zeros(4)], -1), (-0.2, 0.0, 0.0, 0.0, 0.0))
     assert np.isnan(seen).all(-1).tolist() == (radius > 2 / 3 * np.sqrt(1 / 0.6)).tolist()
+
+
+def test_a_point_without_a_solution_does_not_stop_the_others():
+    """The first point is outside the barrel's image and diverges after a few steps; the others have a solution."""
+    lens, seen = (-0.25, 0.0, 0.0, 0.0, 0.0), np.array([[2.0, 0.0], [0.3, 0.2], [0.5, 0.1]])
+    ideal = undistort(seen, lens)
+    assert np.isnan(ideal[0]).all()
+    np.testing.assert_array_equal(ideal[1:], undistort(seen[1:], lens))
+    np.testing.assert_allclose(distort(ideal[1:], lens), seen[1:], atol=1e-12)
+    assert undistort(np.zeros((0, 2)), lens).shape == (0, 2)
 
 
 def test_the_lens_moves_pixels_and_a_pinhole_does_not():

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from vispeg.diagnosis.conclusion.verdict import decide, settled_names
+from vispeg.diagnosis.conclusion.verdict import decide, without_tentative
 from vispeg.diagnosis.findings import Rivals
 from vispeg.report.text import contact_words, effect_words, joint_errors, unseen, words
 from vispeg.report.text.quantities import interval, plain, quantity
@@ -81,7 +81,7 @@ def test_what_cannot_be_told_apart_is_counted_alike_in_the_headline_and_in_the_r
     labels = [f"joint_bias(joint{i})" for i in range(10)]
     rivals = [Rivals(label, ("another",), ()) for label in labels]  # type: ignore[arg-type]
     unsure = set(labels[3:])
-    verdict = settled_names(decide(1e4, 1.1, 10, rivals, []), rivals, unsure)
+    verdict = without_tentative(decide(1e4, 1.1, 10, rivals, []), rivals, unsure)
     other = [{"effect": "cable_spring", "where": "joint0"}]
     effects = [
         {"effect": "joint_bias", "where": f"joint{i}", "indistinguishable_from": other, "tentative": i >= 3}
@@ -90,7 +90,7 @@ def test_what_cannot_be_told_apart_is_counted_alike_in_the_headline_and_in_the_r
     said = words.verdict(_ladder(1e-2, 1e-4, verdict=verdict.verdict, effects=effects))
     assert "3 that these recordings cannot tell from others" in said
     assert [label in verdict.reason for label in labels] == [True] * 3 + [False] * 7
-    named = settled_names(verdict, rivals, set(labels))
+    named = without_tentative(verdict, rivals, set(labels))
     assert named.reason == verdict.reason, "what was said once stays"
 
 

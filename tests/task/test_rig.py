@@ -248,3 +248,10 @@ def test_an_insertion_of_the_task_s_own_policy_replays_bit_for_bit():
     assert np.array_equal(again.q[0], rec.q) and np.array_equal(again.ft[0], rec.ft)
     seen = touch(rec, SCENE.scene)
     assert not seen.touching[rec.time < 1.0].any() and seen.touching.any()
+
+
+def test_an_episode_that_diverges_is_not_recorded():
+    """Links on long springs with heavy rotors oscillate ever more in the loop, beyond what physics steps can follow."""
+    soft = EffectInstance.of("joint_elasticity", "joint7", compliance=2e-3, relaxation=0.05, motor_inertia=5.0)
+    with pytest.raises(UserError, match="the arm does not follow"):
+        record_expert(CELL.add(soft), 3, {}, np.random.default_rng(0), rate_hz=200.0, h_max=5e-3)

@@ -130,8 +130,8 @@ def fit(
         seconds: of longer recordings, use only the most informative windows, this many seconds in total; 0 uses
             everything.
         method: auto: least squares, with CMA-ES before it if an effect is not smooth.
-        iterations: largest number of least-squares steps; CMA-ES gets ten times as many generations. Default: 15; for
-            the paper's protocol, 120 generations.
+        iterations: largest number of points that least squares evaluates, the start included: 1 takes no step. CMA-ES
+            gets ten times as many generations. Default: 15; for the paper's protocol, 120 generations.
         starts: number of random starts, of which the best result is kept.
         seed: seed of the random starts and of CMA-ES.
         threads: number of threads for the simulation.

@@ -7,7 +7,7 @@ added to the other channel's model, and the other channel is searched again. So 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -165,11 +165,22 @@ def joined(said: Sequence[Said], world: World) -> Diagnosis:
         "recordings": lead["recordings"],
         "channels": [c for r in records for c in r.get("channels", [])],
         "remainder": [entry for r in records for entry in r.get("remainder", [])],
+        "windows": _once(row for r in records for row in r.get("windows", ())),
+        "missing": _once(line for r in records for line in r.get("missing", ())),
         "notes": [f"{s.channel.name}: {note}" for s in said for note in s.diagnosis.record["notes"]],
         "by_channel": [_row(s) for s in said],
     }
     arrays = {f"channel/{s.channel.name}/{key}": v for s in said for key, v in s.diagnosis.arrays.items()}
     return Diagnosis(cast("DiagnosisRecord", record), world.add(*added.values()), arrays)
+
+
+def _once(entries: Iterable[Any]) -> list[Any]:
+    """Return the entries in order, each one once: channels report the same recordings."""
+    out: list[Any] = []
+    for entry in entries:
+        if entry not in out:
+            out.append(entry)
+    return out
 
 
 def _row(s: Said) -> ChannelRecord:
@@ -179,6 +190,9 @@ def _row(s: Said) -> ChannelRecord:
 
 
 def _fall(record: Mapping[str, Any]) -> float:
-    """Return the held-out error of the ladder's first model over that of its last; 0 if no effect was found."""
+    """Return the held-out error of the ladder's first model over that of its last.
+
+    It is 0 if no effect was found, and 1 if either error is zero or unknown.
+    """
     first, last = (record["ladder"][at]["heldout_error"] for at in (0, -1))
     return (first / last if first and last else 1.0) if record["effects"] else 0.0

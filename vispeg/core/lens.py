@@ -11,7 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-STEPS, TOLERANCE = 50, 1e-9  # greatest number of Newton's steps (4 to 6 suffice where an inverse exists), and error
+STEPS = 50  # most Newton steps; 4 to 6 suffice where an inverse exists
+TOLERANCE = 1e-9  # largest accepted error of x' and y', no unit
 
 
 def distort(xy: np.ndarray, coefficients: Sequence[float]) -> np.ndarray:
@@ -28,11 +29,11 @@ def distort(xy: np.ndarray, coefficients: Sequence[float]) -> np.ndarray:
 def undistort(xy: np.ndarray, coefficients: Sequence[float]) -> np.ndarray:
     """Return the ideal points (..., 2) that the lens maps to `xy` (..., 2); NaN where there is none.
 
-    Newton's method starts at `xy`. Points where the lens folds back (the determinant of its Jacobian is not positive)
-    are not solutions, because two directions would share a pixel.
+    Newton's method starts at `xy`. Points where the lens folds back are not solutions, because two directions would
+    share a pixel: the determinant of the Jacobian is not positive there, or x' falls with x.
     """
     target, ideal = np.asarray(xy, float), np.array(xy, float)
-    if not np.any(coefficients):
+    if not ideal.size or not np.any(coefficients):
         return ideal
     with np.errstate(all="ignore"):
         for _ in range(STEPS):
@@ -43,7 +44,7 @@ def undistort(xy: np.ndarray, coefficients: Sequence[float]) -> np.ndarray:
                 np.stack([d * error[..., 0] - b * error[..., 1], a * error[..., 1] - c * error[..., 0]], -1)
                 / (det[..., None])
             )
-            if not np.abs(error).max() > TOLERANCE * 1e-3:
+            if not (np.abs(error) > TOLERANCE * 1e-3).any():  # False for NaN, of points that diverged
                 break
         (a, b), (c, d) = _jacobian(ideal, coefficients)
         wrong = ~(np.abs(distort(ideal, coefficients) - target).max(-1) < TOLERANCE) | ~(a * d - b * c > 0) | ~(a > 0)

@@ -24,7 +24,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 
 WIDTH = 2 * float(norm.ppf(0.975))  # standard deviations in a 95 % interval
-LAPS = 4  # most least-squares steps from the model's values; an unchanged robot needs one
+LAPS = 4  # most points that least squares evaluates, with the model's values; an unchanged robot needs one step
 
 
 class Ends(TypedDict):

@@ -15,7 +15,7 @@ from vispeg.diagnosis.conclusion.next_experiment import next_experiment, repeate
 from vispeg.diagnosis.conclusion.rivals import settled
 from vispeg.diagnosis.conclusion.shows_from import joints_show_from
 from vispeg.diagnosis.conclusion.subsets import subsets
-from vispeg.diagnosis.conclusion.verdict import decide, settled_names
+from vispeg.diagnosis.conclusion.verdict import decide, without_tentative
 from vispeg.diagnosis.evidence.base_parameters import base_parameters
 from vispeg.diagnosis.evidence.localise import maps, missing_torque, peaks, where_it_fails
 from vispeg.diagnosis.evidence.motionless import refuse_motionless
@@ -134,7 +134,7 @@ def diagnose(
         say("asking which names are certain")
         unsure = tentative(state, n_fixed, search.exchanges(state), rivals, far=worst > RULES.far)
     unsure |= {c.label for c in changing}
-    verdict = settled_names(verdict, rivals, unsure)
+    verdict = without_tentative(verdict, rivals, unsure)
     wrong = of_form(evidence, model.fit, before, after - floor + 1.0)
     final = with_origin(
         widened(model.world, range(n_fixed, len(model.world.effects)), wrong),

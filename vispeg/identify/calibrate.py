@@ -22,7 +22,7 @@ from vispeg.identify.space import Axis, Space
 from vispeg.worlds.world import World
 
 Method = Literal["auto", "least-squares", "cma"]
-ITERATIONS = 15  # most least-squares steps; CMA-ES gets ten times as many generations
+ITERATIONS = 15  # most points that least squares evaluates; CMA-ES gets ten times as many generations
 # Shares of the magnitudes at which each start is tried too: a typical size for the shoulder is far too much for a wrist
 SHRINK = (0.3, 0.1, 0.03, 0.003)
 STRONG = 0.95  # correlation above which two parameters are reported as hardly distinguishable
@@ -73,7 +73,7 @@ def calibrate(
         seed: of the random starts and of CMA-ES.
         method: see `chosen`.
         starts: number of optimizers; the first starts at the world's values, the others at random ones.
-        iterations: most least-squares steps; CMA-ES has at most ten times as many generations.
+        iterations: as in `fit_job`.
         checkpoint: stores the optimizers' progress.
         say: called with messages on what is simulated.
         evaluate: computes residuals of worlds; by default in this process.

@@ -23,7 +23,9 @@ from vispeg.identify.pool import Submit
 from vispeg.identify.space import Space
 from vispeg.worlds.world import World
 
-ROBUST = 1e3  # whitened residuals beyond this are damped, so that a diverging candidate does not dominate the fit
+# Largest whitened residual that the costs of start points and of CMA-ES count, so that a diverging one does not decide;
+# least squares itself has no such limit
+ROBUST = 1e3
 
 
 @dataclass(frozen=True)
@@ -39,9 +41,10 @@ class Fit:
         u: (naxis,) the solution.
         sigma: (naxis,) standard error of each coordinate.
         correlation: (naxis, naxis) of the estimates.
-        at_bound: labels of parameters that ended at a bound; shapes are not listed.
+        at_bound: labels of parameters that ended at a bound, except shape parameters (`Param.shape`).
         weak: labels of parameters (or directions) that the evidence does not determine.
-        converged: whether the optimizer met its tolerance.
+        converged: whether the optimizer met its tolerance; also True where any further gain would lie within the
+            residual's roughness (`Settled`).
         cost: mean squared whitened residual.
     """
 
@@ -74,7 +77,8 @@ class Race:
     Fits are compared each time all of them wait for rollouts, so the result does not depend on thread scheduling.
 
     Args:
-        ratio: a fit stops once its mean squared residual minus the noise is more than this many times the best one's.
+        ratio: a fit stops once its excess is more than this many times the best one's. The excess is the mean squared
+            whitened residual minus 1; the best one counts as at least 0.1.
         laps: iterations before which no fit stops.
     """
 
@@ -103,7 +107,7 @@ class Chase(Race):
 
     Args:
         goal: mean squared residual to reach.
-        iterations: most iterations of the fit.
+        iterations: as in `fit_job`, of the fit.
         laps: iterations before which it does not stop.
     """
 
@@ -140,7 +144,8 @@ def fit_job(
         world: with start values.
         free: indices of the effects to fit.
         starts: worlds with other start values; least squares begins at the best of all.
-        iterations: most least-squares steps; CMA-ES has at most ten times as many generations.
+        iterations: most points at which least squares is evaluated. The start is one of them, so there are at most
+            `iterations - 1` steps, and none for 1. CMA-ES has at most ten times as many generations.
         method: `cma` for CMA-ES, followed by least squares.
         rng: of CMA-ES, which needs it.
         race: rule by which the fit stops early; None for no such rule.
@@ -176,14 +181,14 @@ def fit_job(
 
 
 def squares(r: np.ndarray) -> float:
-    """Return the mean squared whitened residual, with diverged readings damped."""
+    """Return the mean squared whitened residual, each residual limited to `ROBUST`."""
     return float(np.mean(np.minimum(r * r, ROBUST**2)))
 
 
 def _least_squares(
     point: Point, u0: np.ndarray, iterations: int, race: Race | None, trace: Trace | None, size: int
 ) -> tuple[Point, np.ndarray, bool]:
-    """Return `point`, the solution, and whether the optimizer met its tolerance; it begins at `u0` (naxis,).
+    """Return `point`, the solution, and `Fit.converged`; the fit begins at `u0` (naxis,).
 
     `size` is the residual's length; the other arguments are as in `fit_job`.
     """
@@ -251,9 +256,11 @@ def _uncertainty(
 ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     """Return standard errors that are robust to autocorrelation and misfit, the correlation matrix, and `Fit.weak`.
 
-    The errors are from the sandwich covariance over blocks of time (Newey and West, Econometrica 55(3), 1987; block
-    form), but at least the ordinary ones, and at least those from the scatter of estimates from single items. `r` (n,)
-    and `jac` (n, naxis) are residual and derivatives at the solution.
+    The errors are from the cluster-robust sandwich covariance over blocks of time (block form of Newey and West,
+    Econometrica 55(3), 1987). They are at least the ordinary ones, which are widened for misfit (a mean squared
+    residual above 1) and for correlated noise (`evidence.correlated`), and at least those from the scatter of estimates
+    from single items. The correlation matrix is that of the ordinary covariance, (J'J)^-1. `r` (n,) and `jac`
+    (n, naxis) are residual and derivatives at the solution.
     """
     n = jac.shape[1]
     info = jac.T @ jac

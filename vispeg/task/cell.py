@@ -134,7 +134,7 @@ class Cell(Plant):
         self.spring = self.batch.bind("qfrc_spring")
         super().start(q, dq, weight, inertia)
 
-    def recorded(self) -> None:
+    def use_recording_settings(self) -> None:
         """Switch to the settings for recordings: exact contacts, no creep of a held part, and filtered sensors.
 
         A filtered reading is the mean over the steps of a control tick. Contact chatters in step with the controller,

@@ -83,7 +83,7 @@ def with_cameras(scene: Scene) -> Scene:
 
     def build() -> mujoco.MjSpec:
         spec = scene.spec()
-        model_camera.state(spec, standard_cameras(scene.tip, scene.target))
+        model_camera.add_complete(spec, standard_cameras(scene.tip, scene.target))
         return spec
 
     return replace(scene, build=build)

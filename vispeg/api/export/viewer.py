@@ -62,7 +62,8 @@ def open_viewer(name: str) -> NativeViewer:
     """
     world = read_model(name)
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise UserError("there is no display", key="--native", expected="a desktop; without --native a page")
+        expected = "a desktop session; leave out --native to use the page in a browser"
+        raise UserError("there is no display", key="--native", expected=expected)
     scene = robot_of_world(world)
     model, left_out = compiled_with(world, scene)
     return NativeViewer(name, model, [e.label for e in left_out])

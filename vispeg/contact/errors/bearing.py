@@ -1,8 +1,9 @@
 """Uncertain bearing point of a part pressed flat on a surface, which no model predicts.
 
-A flat end touches at points that depend on its shape and on micrometres of tilt; a simulator uses four points of its
-rim, up to 0.3 radii further in than a circle. The lever of the normal force then differs, and the hand, held to its
-path by soft springs, turns about the sticking tip until the springs balance the couple.
+A flat end touches at points that depend on its shape and on micrometres of tilt. A simulator uses four points of its
+rim. Their square supports the part up to 0.3 radii nearer to the axis than the full circle would. The lever of the
+normal force then differs, and the hand, held to its path by soft springs, turns about the sticking tip until the
+springs balance the couple.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ from vispeg.recordings.checks.quality import runs
 
 
 def bearing(item: ContactItem) -> list[np.ndarray]:
-    """Return the corrections (m, 6) N and N m of the hand if its tip bears off the axis by `bears_aside` radii.
+    """Return possible errors of the predicted wrench, each (m, 6) N and N m for m samples.
 
-    There is one for each sticking press and each of the two axes across the tool.
+    There are two for each sticking press: the tip bears off the axis by `bears_aside` radii, along either of the two
+    axes across the tool.
     """
     scene, phase, hold = item.source.scene, item.phase, item.springs
     radius, tip = scene.config.diameter / 2, scene.tip

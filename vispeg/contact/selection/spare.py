@@ -16,9 +16,10 @@ from vispeg.diagnosis.selection.state import State
 
 
 def remove_unneeded(search: ContactSearching, state: State, n_fixed: int) -> bool:
-    """Remove the effect that is needed least once the others are refitted; return False if all are needed.
+    """Remove the effect that is needed least once the others are refitted.
 
-    An early effect may imitate a later one. Derivatives cannot show this, as contacts begin and end with the change.
+    Return False if all are needed, or if there are fewer than two. An early effect may imitate a later one. Derivatives
+    cannot show this, because a change of a parameter makes contacts begin or end.
     """
     some = state.world.effects[n_fixed:]
     if state.fit is None or len(some) < 2:
@@ -45,10 +46,10 @@ def remove_unneeded(search: ContactSearching, state: State, n_fixed: int) -> boo
     return True
 
 
-def includes_none(placed: EffectInstance) -> bool:
-    """Return whether the interval of every fitted magnitude includes null.
+def may_be_absent(placed: EffectInstance) -> bool:
+    """Return whether an effect may be absent: it has intervals of its magnitudes, and all of them include null.
 
-    For a pose, the interval includes the arm's repeatability.
+    Magnitudes without an interval are not asked. The interval of a pose is widened by the arm's repeatability.
     """
     kind, wide = effect(placed.effect), allowing(placed)
     inside = []
@@ -75,14 +76,14 @@ def too_small(placed: EffectInstance, least: Mapping[tuple[str, str], Mapping[st
 def remove_uncertain(search: ContactSearching, state: State, n_fixed: int) -> bool:
     """Remove an effect whose intervals include null or that is below its minimum detectable size; else return False.
 
-    Acceptance is based on the best value only, while the interval covers all plausible values; and an effect below the
-    minimum detectable size may just as well be an error in the form of another law.
+    Acceptance is based on the best value only, while the interval covers all plausible values. An effect below its
+    minimum detectable size may only imitate the error of an inexact contact law (`form`).
     """
     some = state.world.effects[n_fixed:]
-    gone = next((e for e in reversed(some) if includes_none(e) or too_small(e, search.least)), None)
+    gone = next((e for e in reversed(some) if may_be_absent(e) or too_small(e, search.least)), None)
     if gone is None:
         return False
-    small = not includes_none(gone)
+    small = not may_be_absent(gone)
     search.say(f"{gone.label} {'is smaller than these recordings can show' if small else 'may be absent'}")
     world = state.world.without(gone.effect, gone.where)
     if len(some) > 1:

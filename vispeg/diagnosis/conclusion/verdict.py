@@ -41,12 +41,14 @@ def decide(
         n_added: number of effects added.
         rivals: of the added effects.
         depends: inputs that the final residual depends on, strongest first.
-        floor: the same mean square that the right model would leave; above 1 if encoders are coarse or the loop feeds
-            noise back.
-        mark: the same that least squares of all base parameters, friction and bias leaves; None if unknown.
-        unjudged: roles of the recordings if only one shows what is missing, so that nothing can be judged; else None.
-        farthest: mean square over its floor of the kind of channel that the final model describes worst; by default
-            `after` over `floor`.
+        floor: held-out mean squared whitened residual that the right model would leave; above 1 if encoders are coarse
+            or the loop feeds noise back.
+        mark: held-out mean squared whitened residual that least squares of all base parameters, friction and bias
+            leaves; None if unknown.
+        unjudged: how the recordings were divided, if only one of them shows what is missing, so that no verdict on the
+            held-out ones is possible; None if one is.
+        farthest: mean squared whitened residual over its own floor, of the kind of reading (angles, torques or loads)
+            that the final model describes worst; by default `after` over `floor`.
         n_read: number of added effects that were read directly from the measured angles, not fitted.
         errors: held-out RMS errors of the two models over the noise floor, as in the ladder, for the text; by default
             the roots of `before` and `after`.
@@ -55,7 +57,7 @@ def decide(
     if unjudged is not None:
         rest = {"depends_on": [], "text": unjudged.note, "explained_share": 0.0, "shows_in": unjudged.alone}
         return Verdict("unexplained", unjudged.note, rest, partial=True)
-    excess_before, excess_after = max(before - 1.0, 1e-9), max(after - floor, 0.0)
+    excess_before, excess_after = max(before - floor, 1e-9), max(after - floor, 0.0)
     explained = 1.0 - excess_after / excess_before
     at_floor = after <= RULES.adequate * floor
     top = depends[0] if depends else None
@@ -67,7 +69,8 @@ def decide(
         what = f"it depends on {on[0]['input']} at {on[0]['joint']}" if on else "no single input predicts it"
         text = f"an error of {times(last)} × the noise floor remains that no known effect explains; {what}"
         if farthest is not None and farthest > RULES.far:
-            text += f"; the kind of reading that is described worst is at {floors(farthest)} × its own noise floor"
+            kind = "the kind of reading (angles, torques or loads) that is described worst"
+            text += f"; {kind} is at {floors(farthest)} × its own noise floor"
         if mark is not None:
             over = f"over all readings the model leaves {floors(after)} × their noise"
             text += f"; {over}, least squares of all masses, friction and bias leaves {floors(mark)} ×"
@@ -87,7 +90,7 @@ def decide(
         + (f", the rest depends most on {top.input}" if top is not None and top.share >= RULES.depends else "")
     )
     remainder += _of_readings(floor)
-    if n_added == n_read:
+    if at_floor and n_added == n_read:
         text = (
             f"the readings lie on a grid; the held-out error of {times(last)} × the noise floor is what its steps leave"
         )
@@ -102,8 +105,11 @@ def confounded(names: Sequence[str]) -> str:
     return f"these recordings cannot tell {', '.join(sorted(set(names)))} from other effects"
 
 
-def settled_names(verdict: Verdict, rivals: Sequence[Rivals], unsure: Collection[str]) -> Verdict:
-    """Return an ambiguous verdict with a reason that leaves out tentative effects (`unsure`), as the page does."""
+def without_tentative(verdict: Verdict, rivals: Sequence[Rivals], unsure: Collection[str]) -> Verdict:
+    """Return an ambiguous verdict with a reason that leaves out tentative effects (`unsure`), as the page does.
+
+    Other verdicts are returned unchanged.
+    """
     names = [r.label for r in rivals if r.equals]
     if verdict.verdict != "ambiguous" or verdict.reason != confounded(names):
         return verdict

@@ -151,7 +151,7 @@ class Searching(Testing, Protocol):
             worlds: with start values.
             n_fixed: number of first effects that are not fitted.
             races: for each world the rule by which its fit stops early; None for no such rule.
-            iterations: most steps of a fit.
+            iterations: most points that each fit evaluates, the start included.
             columns: for each world derivatives to its first coordinates that an earlier fit had, to be kept; None for
                 none.
         """

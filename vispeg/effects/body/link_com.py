@@ -1,4 +1,4 @@
-"""Link centre of mass: it differs from the data sheet's by (x, y, z) in the link's body frame.
+"""Link centre of mass: it lies (x, y, z) m from the model's, in the link's body frame.
 
 Native mechanism: `body_ipos`; the inertia about the centre of mass is kept.
 """

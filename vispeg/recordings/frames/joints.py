@@ -19,7 +19,8 @@ def joints_at(rec: Recording, time: np.ndarray, episode: np.ndarray | None = Non
         episode: (n,) the episode of each; by default the first.
 
     Returns:
-        (n, nj) rad; NaN before the first and after the last reading of an episode, and inside gaps.
+        (n, nj) rad; NaN before the first and after the last reading of an episode, and inside gaps. A joint with fewer
+        than four readings in an episode is NaN throughout.
     """
     time = np.asarray(time, float)
     episodes = np.zeros(len(rec.time), np.int64) if rec.episode is None else rec.episode

@@ -18,10 +18,10 @@ DEPTH_UNIT = 1e-3  # m per step of a 16-bit depth image
 
 
 class Album:
-    """Takes pictures one by one, and makes the frames of a recording of them.
+    """Collection of pictures, which are added one by one and become the frames of a recording.
 
     Args:
-        folder: folder for the picture files; it must exist until the recording is written.
+        folder: existing folder for the picture files, needed until the recording is written.
     """
 
     def __init__(self, folder: Path):
@@ -31,11 +31,17 @@ class Album:
         self.unit: dict[str, float] = {}
 
     def add(self, camera: str, time: float, image: np.ndarray, episode: int = 0, unit: float = DEPTH_UNIT) -> None:
-        """Add a picture: (H, W, 3) uint8 colour, or (H, W) depth in m (0 or NaN: no reading), stored in steps of
-        `unit` m.
+        """Add a picture of a camera.
+
+        Args:
+            camera: name of the camera.
+            time: s, in the clock of the recording.
+            image: (H, W, 3) uint8 colour, or (H, W) depth in m with 0 or NaN for no reading.
+            episode: number of the episode.
+            unit: m, step in which depth is stored.
 
         Raises:
-            UserError: its size differs from that of the camera's other pictures.
+            UserError: its size, or its unit of depth, differs from that of the camera's other pictures.
         """
         size = image.shape[1], image.shape[0]
         if self.size.setdefault(camera, size) != size:
@@ -47,12 +53,19 @@ class Album:
         if image.ndim == 3:
             write_colour(file, image)
         else:
-            self.unit.setdefault(camera, unit)
-            write_steps(file, image, self.unit[camera])
+            if self.unit.setdefault(camera, unit) != unit:
+                raise UserError(
+                    f"depth pictures of '{camera}' change their unit",
+                    expected=f"{self.unit[camera]:g} m per step, as before",
+                    got=f"{unit:g} m",
+                )
+            write_steps(file, image, unit)
         self.rows.append((time, camera, episode, "rgb" if image.ndim == 3 else "depth", file))
 
     def frames(self, rec: Recording, cameras: Mapping[str, RecordedCamera]) -> Frames | None:
-        """Return the frames within the time span of a recording; colour and depth of one time form one frame.
+        """Return the frames within the time span of a recording; None if no picture was added.
+
+        Colour and depth of one time form one frame.
 
         Raises:
             UserError: a camera without intrinsics or with another stated image size; no picture within the time span.
@@ -79,13 +92,14 @@ class Album:
         return Frames(described, tuple(inside)) if inside else None
 
 
-Row = tuple[float, str, int, str, Path]
+Row = tuple[float, str, int, str, Path]  # time in s, camera, episode, `rgb` or `depth`, file of the picture
 
 
 def _together(rows: Sequence[Row]) -> list[Row]:
-    """Give each depth picture the time of the nearest colour picture, if that is closer than half a colour period.
+    """Give depth pictures the time of their nearest colour picture, at most half the median colour period away.
 
-    A device stamps its two streams at slightly different times.
+    Of several depth pictures with the same nearest colour picture, only the nearest one gets its time. A device stamps
+    its two streams at slightly different times.
     """
     streams: dict[tuple[str, int], dict[str, list[Row]]] = {}
     for row in rows:

@@ -25,7 +25,7 @@ def cameras_of(robot: RobotModel, size: tuple[int, int] = (0, 0)) -> tuple[Camer
     """Return the cameras that are defined in a robot's own file.
 
     A camera's parent is `flange` or `base` where the camera is rigidly connected to it, else its body. Cameras without
-    a name, and those that track a target (a mode other than `fixed`), are left out.
+    a name, those that track a target (a mode other than `fixed`), and orthographic ones are left out.
 
     Args:
         robot: the robot model.
@@ -44,7 +44,8 @@ def cameras_of(robot: RobotModel, size: tuple[int, int] = (0, 0)) -> tuple[Camer
         if min(width, height) <= 1:  # MuJoCo's default: the file states no resolution
             width, height = size
         fixed = int(model.cam_mode[i]) == mujoco.mjtCamLight.mjCAMLIGHT_FIXED.value
-        if not (width and height and fixed and model.camera(i).name):
+        pinhole = int(model.cam_projection[i]) == mujoco.mjtProjection.mjPROJ_PERSPECTIVE.value
+        if not (width and height and fixed and pinhole and model.camera(i).name):
             continue
         weld = int(model.body_weldid[body])
         parent = "flange" if weld == hand else WORLD if weld == 0 else model.body(body).name
@@ -80,7 +81,7 @@ def add(spec: mujoco.MjSpec, cameras: tuple[Camera, ...]) -> None:
             )
 
 
-def state(spec: mujoco.MjSpec, cameras: Sequence[Camera]) -> None:
+def add_complete(spec: mujoco.MjSpec, cameras: Sequence[Camera]) -> None:
     """Add these cameras to a spec in MuJoCo's own conventions, for a file that plain MuJoCo reads.
 
     Lens distortion is lost, since MuJoCo has none.

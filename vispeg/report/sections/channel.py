@@ -11,7 +11,11 @@ from vispeg.report.text import contact_words, words
 
 
 def context(record: Record, channel: str) -> Mapping[str, object]:
-    """Return the verdict with its reason, and the decrease of the error in words and as a picture."""
+    """Return what a channel's first section shows.
+
+    It is the verdict and its reason, the decrease of the error in words and as a picture (none if the ladder has one
+    model), the phases of a contact channel, and the error that remains if the channel is unexplained.
+    """
     values = record.values
     drawn = chart(lambda shape: ladder_figure(record, shape), f"ladder-{channel}", words.fall(values))
     return {

@@ -99,16 +99,19 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
         out.append(restarts_table(diagnosis))
     for a, b, r in correlations(_record(diagnosis))["strong"][:3]:
         out.append(Line(f"note: {a} and {b} are correlated by {r}: trust their combination more than either"))
-    out += [Line(f"note: {row['said']}") for row in diagnosis.get("windows") or ()]
-    out += [Line(f"note: {said}") for said in diagnosis.get("missing") or ()]
+    noted = dict.fromkeys([*(row["said"] for row in rows(diagnosis, "windows")), *(diagnosis.get("missing") or ())])
+    out += [Line(f"note: {said}") for said in noted]
     for record in (diagnosis, *(said["record"] for said in rows(diagnosis, "by_channel"))):
         if hidden := unseen.sentence(record):
             out.append(Line(hidden))
         if record.get("evidence") == "contact":
-            out += _contact(record)
+            out += _closed_loop(record)
         if isinstance(views := record.get("views"), Mapping):
             out += [Line(said) for said in (*camera_words.projections(views), *camera_words.confounded(views))]
-            out += [Line(f"note: {note}") for note in record.get("notes") or ()]
+        if record.get("evidence") == "contact" or isinstance(record.get("views"), Mapping):
+            more = [note for note in dict.fromkeys(record.get("notes") or ()) if note not in noted]
+            out += [Line(f"note: {note}") for note in more]
+            noted |= dict.fromkeys(more)
     if diagnosis.get("verdict"):
         out.append(Line(f"next: {words.onward(diagnosis)}"))
         out += [Line(said) for said in words.paid(diagnosis)]
@@ -117,18 +120,17 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
     return out
 
 
-def _contact(diagnosis: Mapping[str, Any]) -> list[Block]:
-    """Return additional blocks of a contact diagnosis: insertions in closed loop, and notes."""
-    out: list[Block] = []
+def _closed_loop(diagnosis: Mapping[str, Any]) -> list[Block]:
+    """Return the table of insertions in closed loop of a contact diagnosis; empty if there were none."""
     trials = [(row["recording"], *item) for row in rows(diagnosis, "closed_loop") for item in row["trials"].items()]
-    if trials:
-        heads = [Column("Closed loop"), Column("Peak", right=True), Column("In contact", right=True), Column("Outcome")]
-        cells = [
-            [f"{name}: {run}", quantity(t["peak_force"], "N"), quantity(t["contact_s"], "s"), t["outcome"]]
-            for name, run, t in trials
-        ]
-        out.append(Sheet(heads, cells))
-    return [*out, *(Line(f"note: {note}") for note in diagnosis.get("notes") or ())]
+    if not trials:
+        return []
+    heads = [Column("Closed loop"), Column("Peak", right=True), Column("In contact", right=True), Column("Outcome")]
+    cells = [
+        [f"{name}: {run}", quantity(t["peak_force"], "N"), quantity(t["contact_s"], "s"), t["outcome"]]
+        for name, run, t in trials
+    ]
+    return [Sheet(heads, cells)]
 
 
 def written_lines(diagnosis: Mapping[str, Any], out: Path) -> list[Line]:

@@ -16,7 +16,7 @@ from vispeg.task.belief import model_cell
 from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.registry import task_of
 from vispeg.task.rig.posture import posture
-from vispeg.task.rig.record import controller, recording, with_noise
+from vispeg.task.rig.record import controller, recording, refuse_diverged, with_noise
 from vispeg.task.rig.run import STEP, Reader
 from vispeg.worlds.world import World
 
@@ -36,7 +36,8 @@ def record_expert(
     name: str = "simulated",
     h_max: float = STEP,
 ) -> Recording:
-    """Record one episode: a second in free air, then the scripted expert until success, failure or the end of time.
+    """Record one episode: a second in free air, then the scripted expert until success, failure or the
+    episode's time limit.
 
     Args:
         world: the simulated robot: a model with a cell and effects.
@@ -44,7 +45,8 @@ def record_expert(
         noise, rng, rate_hz, torque_sensor, repeat, name, h_max: as for `record_cell`.
 
     Raises:
-        UserError: the world has no cell, or the policy period is not a whole number of control periods (1 / rate_hz).
+        UserError: the simulation diverges, the world has no cell, or the policy period is not a whole number of control
+            periods (1 / rate_hz).
     """
     belief = model_cell(world)
     nsub = max(1, math.ceil(1.0 / (rate_hz * h_max) - 1e-9))
@@ -55,7 +57,7 @@ def record_expert(
     except UserError as error:
         raise UserError(str(error), key="--rate", got=rate_hz) from error
     sim = TaskSimulation(belief.world.add(*world.effects), config, 1)
-    sim.cell.recorded()
+    sim.cell.use_recording_settings()
     sim.reset(np.arange(1), [seed])
     sim.control.home = posture(belief.scene)
     ticks = config.steps * config.ticks
@@ -74,6 +76,7 @@ def record_expert(
         ended = sim.step(expert.act(sim.observation()))[3][0]
     n = len(goals)
     ran = reader.ran(sim.diverged, n)
+    refuse_diverged(ran)
     control = controller(belief.scene, config, rate_hz)
     depth = float(ended["depth"])
     outcome = Outcome(bool(ended["success"]), 0, str(ended["category"]), float(ended["peak_force"]), depth)

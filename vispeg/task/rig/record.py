@@ -106,8 +106,7 @@ def record_cell(
     ran = run(
         belief.scene, plants, control, motion.ee_cmd, q, np.zeros_like(q), h_max=h_max, nthread=nthread, sensed=sensed
     )
-    if ran.diverged.any():
-        raise UserError("the arm does not follow: the loop is unstable", expected="smaller effects or a higher rate")
+    refuse_diverged(ran)
     watch(ran.true[0])
     outcome = outcome_of(belief, ran) if motion.name.startswith(("insert", "look", "mix")) else ()
     time, what = motion.time, motion.name
@@ -116,6 +115,12 @@ def record_cell(
         for row in range(len(plants))
     ]
     return with_noise(runs if sensed else runs * repeat, noise, rng, torque_sensor, sensed is not None)
+
+
+def refuse_diverged(ran: Ran) -> None:
+    """Raise UserError if a run diverged."""
+    if ran.diverged.any():
+        raise UserError("the arm does not follow: the loop is unstable", expected="smaller effects or a higher rate")
 
 
 def recording(

@@ -113,7 +113,7 @@ def run(
     weight, mass = nominal.gravity(start).copy(), nominal.operational(start)[0]
     apparent = 1.0 / np.diagonal(np.linalg.inv(mass), axis1=1, axis2=2)
     cell.start(start, np.tile(dq, (nsim, 1)), weight, apparent)
-    cell.recorded()
+    cell.use_recording_settings()
     cell.batch.forward()
     reader, bad = Reader(n, nsim, len(q)), np.zeros(nsim, bool)
     with quiet(), np.errstate(all="ignore"):
