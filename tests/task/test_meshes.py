@@ -129,10 +129,10 @@ def test_pieces_are_kept_on_disk(files):
     first = user_shapes.read(path, "hole_mesh", 1e-3, CONCAVITY).pieces
     kept = list((files / "cache" / "vispeg" / "pieces").glob("*.npz"))
     assert kept
-    for damaged in (False, True):
+    whole = kept[0].read_bytes()
+    for content in (whole, b"nothing", b"", whole[: len(whole) // 2]):  # the last as after a full disk
         user_shapes._read.cache_clear()
-        if damaged:
-            kept[0].write_bytes(b"nothing")
+        kept[0].write_bytes(content)
         again = user_shapes.read(path, "hole_mesh", 1e-3, CONCAVITY).pieces
         assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
 
@@ -150,6 +150,17 @@ def test_the_room_between_outlines_is_found():
     assert user_shapes.play(ring(0.008, aside=0.0004), block) == pytest.approx(0.0006, rel=1e-9)
     assert user_shapes.play(ring(0.006, np.pi / 4), block) == pytest.approx(0.009 - 0.006 * np.sqrt(2), rel=1e-9)
     assert user_shapes.play(ring(0.008, aside=0.003), block) < 0
+
+
+def test_bars_crossed_like_a_plus_overlap():
+    """Neither has a corner inside the other."""
+
+    def bar(x: float, y: float) -> np.ndarray:
+        corners = np.array([[x, y], [-x, y], [-x, -y], [x, -y]]) / 2
+        return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+
+    assert user_shapes.play(bar(0.04, 0.01), bar(0.01, 0.04)) < 0
+    assert user_shapes.play(bar(0.04, 0.01), bar(0.01, 0.04) + [0.03, 0.0]) == pytest.approx(0.005)
 
 
 def test_the_task_runs_with_them(files):

@@ -25,6 +25,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.core.extras import missing
 from vispeg.core.files import write_bytes_atomic
+from vispeg.formats.arrays import read_arrays
 
 FLAT = 0.06  # m, greatest height of a distractor on the table, as the gripper moves over it
 FAR = 0.02  # m: walls further from a peg are ignored, as the greatest clearance is 20 mm
@@ -182,9 +183,8 @@ def _mesh(file: str, stamp: int, key: str, scale: float, closed: bool = True) ->
     low, high = mesh.bounds
     if not 0.002 <= (high - low).max() <= 0.4:
         hint = "2 to 400 mm at its longest (mesh_scale is m per unit of the file: 0.001 for mm)"
-        raise UserError(
-            "impossible size of a part of the cell", file=file, key=key, expected=hint, got=(high - low).round(6)
-        )
+        got = " x ".join(f"{1e3 * side:.4g}" for side in high - low) + " mm"
+        raise UserError("impossible size of a part of the cell", file=file, key=key, expected=hint, got=got)
     return mesh
 
 
@@ -210,13 +210,25 @@ def _read(
 
 
 def _pieces(vertices: np.ndarray, faces: np.ndarray, concavity: float, digest: str, key: str) -> tuple[np.ndarray, ...]:
-    """Return the convex pieces by CoACD, from the user's cache under `digest` if they are there."""
+    """Decompose a mesh, vertices (v, 3) m and faces (f, 3), into convex pieces by CoACD.
+
+    The pieces are kept in the user's cache under `digest`, and read from there the next time.
+
+    Args:
+        vertices, faces: the mesh, in the frame and with the origin of its file.
+        concavity: see `read`.
+        digest: name of the file in the cache: a hash of all that the pieces depend on.
+        key: key under which the user stated the file, for error messages.
+
+    Returns:
+        Corners (k, 3) m of each piece.
+    """
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vispeg" / "pieces" / f"{digest}.npz"
     if cache.is_file():
         try:
-            with np.load(cache, allow_pickle=False) as cached:
-                return tuple(cached[f"piece{i}"] for i in range(len(cached.files)))
-        except (OSError, ValueError, KeyError):  # a damaged file is written again
+            cached = read_arrays(cache)
+            return tuple(cached[f"piece{i}"] for i in range(len(cached)))
+        except (UserError, KeyError):  # a damaged file is written again
             pass
     try:
         import coacd
@@ -232,10 +244,13 @@ def _pieces(vertices: np.ndarray, faces: np.ndarray, concavity: float, digest: s
 
 
 def play(peg: np.ndarray, block: np.ndarray) -> float:
-    """Return the least distance between the outlines of peg and block, m; negative if they overlap.
+    """Return the least distance of corners from segments between the outlines of peg and block, m.
+
+    It is negative if the areas overlap; its size is then no depth. It is `FAR` if the block has no segment within about
+    that distance, and infinite if an outline is empty.
 
     Args:
-        peg, block: ends of the outlines' segments, (n, 2, 2) and (m, 2, 2) m.
+        peg, block: x and y of the ends of the outlines' segments in the same frame, (n, 2, 2) and (m, 2, 2) m.
     """
     if not len(peg) or not len(block):
         return np.inf
@@ -243,8 +258,9 @@ def play(peg: np.ndarray, block: np.ndarray) -> float:
     near = ((low <= peg.max((0, 1)) + FAR) & (high >= peg.min((0, 1)) - FAR)).all(axis=1)
     if not near.any():
         return FAR
-    least = min(_distance(peg.reshape(-1, 2), block[near]), _distance(block[near].reshape(-1, 2), peg))
-    overlap = _inside(peg[:, 0], block).any() or _inside(block[near][:, 0], peg).any()
+    walls = block[near]
+    least = min(_distance(peg.reshape(-1, 2), walls), _distance(walls.reshape(-1, 2), peg))
+    overlap = _inside(peg[:, 0], block).any() or _inside(walls[:, 0], peg).any() or _cross(peg, walls)
     return -least if overlap else least
 
 
@@ -258,6 +274,21 @@ def _distance(points: np.ndarray, segments: np.ndarray) -> float:
         share = np.clip((to * along).sum(axis=2) / length, 0.0, 1.0)
         least = min(least, float(np.linalg.norm(to - share[..., None] * along, axis=2).min()))
     return least
+
+
+def _cross(some: np.ndarray, others: np.ndarray) -> bool:
+    """Return whether any of the segments (n, 2, 2) crosses any of the others (m, 2, 2).
+
+    Two segments cross if the ends of each are on different sides of the other's line.
+    """
+    across = [np.array([-1.0, 1.0]) * (s[:, 1] - s[:, 0])[:, ::-1] for s in (some, others)]  # normals (n, 2), (m, 2)
+    level = [(s[:, 0] * normal).sum(axis=1) for s, normal in zip((some, others), across, strict=True)]
+    for rows in np.array_split(np.arange(len(some)), max(1, len(some) * len(others) // 1_000_000)):
+        beyond = some[rows] @ across[1].T - level[1]  # (n, 2, m): ends of some, from the lines of others
+        behind = others @ across[0][rows].T - level[0][rows]  # (m, 2, n)
+        if ((beyond[:, 0] * beyond[:, 1] < 0) & (behind[:, 0] * behind[:, 1] < 0).T).any():
+            return True
+    return False
 
 
 def _inside(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
@@ -274,13 +305,14 @@ def _inside(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
 
 
 def gap(model: mujoco.MjModel, flange: np.ndarray) -> float:
-    """Return the least distance, m, between the contact shapes of the bodies `peg` and `fixture`.
+    """Return the least distance, m, between the contact shapes of the bodies `peg` and `fixture`, 0.05 at most.
 
-    It is negative if they overlap.
+    It is negative if they overlap. Only shapes whose contact flags let them touch count.
 
     Args:
-        model: a compiled model with these bodies.
-        flange: (3,) position of the flange, world frame, m; its z axis points straight down.
+        model: a compiled model with these bodies, which stays as it is; its fixture is where the nominal pose puts it.
+        flange: (3,) position of the flange, world frame, m; its z axis points straight down, its x axis along the
+            world's. The peg is placed by it alone, not by the arm's joints.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
