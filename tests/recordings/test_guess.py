@@ -12,6 +12,7 @@ from logged import JOINTS, STYLES, TAU, TIME, TRUTH, N, Q, numbered, write_table
 from typed import convert
 
 from vispeg.core.errors import UserError
+from vispeg.recordings.importers.guess.names import meaning
 from vispeg.recordings.load import load
 
 SHARED = Path(os.environ.get("VISPEG_SHARED", Path(__file__).resolve().parents[3] / "shared"))
@@ -46,6 +47,28 @@ def test_what_is_not_used_and_what_more_knowledge_buys_is_said(tmp_path, capsys)
     assert "torque_sensor: joint is guessed" in said and "inverse dynamics" in said
     assert "control: {mode: position" in said and "7 numbers, N m/rad" in said and "delays, gear play" in said
     assert [p.name for p in tmp_path.iterdir()] == ["log.csv"]
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "unit"),
+    [
+        *((name, "time", "s") for name in ("seconds", "Sec", "secs", "t_s", "Time (s)", "time[s]_robot")),
+        *((name, "time", unit) for name, unit in (("ms", "ms"), ("nanoseconds", "ns"))),
+        *((name, "tau", "N m") for name in ("M1 [N·m]", "M1 [N-m]", "torque_1 (N m)")),
+        *((name, quantity, "") for name, quantity in (("q_s_1", "q"), ("motor_1_torque_s_2", "tau"), ("J1_s2", ""))),
+        ("s", "", "s"),
+        ("tcp_speed [m/s]", "tool", ""),
+    ],
+)
+def test_units_in_names(name, quantity, unit):
+    found = meaning(name, {})
+    assert (found.quantity, found.unit) == (quantity, unit)
+
+
+def test_a_column_called_seconds_is_the_time(tmp_path):
+    columns = {"Seconds": TIME, **numbered("q_{}", Q)}
+    assert convert(write_table(tmp_path / "log.csv", columns), "iiwa14", tmp_path / "rig", guess=True, yes=True) == 0
+    assert np.allclose(load(tmp_path / "rig").time, TIME - TIME[0], atol=1e-6)
 
 
 def test_a_guess_is_confirmed_or_nothing_is_written(tmp_path, monkeypatch, capsys):

@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-UNITS = (  # as patterns between separators, longest first
+UNITS = (  # as patterns between separators; the first match counts, so rad/s stands before rad and s
     ("rad/s", r"rad[_/]?s|radps|rad_per_s(ec)?|rad_sec"),
     ("deg/s", r"deg[_/]?s|degps|dps|deg_per_s(ec)?|deg_sec|°/s"),
     ("rpm", r"rpm"),
-    ("mNm", r"mnm|m_nm|millinewtonmeters?"),
+    ("mNm", r"mnm|m_nm|mn[·⋅*-]m|millinewtonmeters?"),
     ("N cm", r"ncm|n_cm"),
-    ("N m", r"nm|n_m|newton_?met(er|re)s?"),
+    ("N m", r"nm|n[_·⋅*-]m|newton[_-]?met(er|re)s?"),
     ("mrad", r"mrad"),
     ("mdeg", r"mdeg|millideg(rees)?"),
     ("rad", r"rad(ians?)?"),
@@ -20,9 +20,11 @@ UNITS = (  # as patterns between separators, longest first
     ("ms", r"ms|msecs?|millis|milliseconds?"),
     ("us", r"us|µs|usecs?|micros|microseconds?"),
     ("ns", r"ns|nsecs?|nanos|nanosec|nanoseconds?"),
-    ("s", r"s|secs?|seconds?"),
+    ("s", r"secs?|seconds?"),
     ("mm", r"mm"),
 )
+LONE_S = r"[\[({]\s*s\s*[\])}]|(?<![a-z0-9µ°/])s(?=[\s\])}]*$)"  # in brackets, or at the end of a name
+TIMES = {"ms", "us", "ns", "s"}
 OF_UNIT = {
     **dict.fromkeys(("rad", "deg", "mrad", "mdeg", "turn"), "q"),
     **dict.fromkeys(("rad/s", "deg/s", "rpm"), "dq"),
@@ -36,17 +38,18 @@ VELOCITY = {"dq", "qd", "vel", "velocity", "velocities", "speed", "speeds", "ome
 TORQUE = {"tau", "trq", "tq", "torque", "torques", "effort", "efforts", "moment", "moments", "load", "drehmoment"}
 AMPERES = {"ma": "mA", **dict.fromkeys(("milliamp", "milliamps", "milliampere", "milliamperes"), "mA"),
            **dict.fromkeys(("amp", "amps", "ampere", "amperes"), "A")}  # fmt: skip
-OTHER = {  # quantity -> words that name it, and why it is not used
-    "acceleration": ({"ddq", "qdd", "acc", "acceleration", "accelerations", "beschleunigung"}, "accelerations are not"),
+OTHER = {  # quantity -> words that name it, and the reason why it is not used
+    "acceleration": ({"ddq", "qdd", "acc", "acceleration", "accelerations", "beschleunigung"},
+                     "accelerations are not used"),
     "current": ({"current", "currents", "curr", "macur", "iq", "strom", *AMPERES} - {"ma"}, "measured torque is there, "
-                "so that currents are not"),
+                "so that currents are not used"),
     "external": ({"ext", "external"}, "an estimate of external torque, not what the joint felt"),
-    "temperature": ({"temp", "temps", "temperature", "temperatures", "temperatur"}, "temperatures are not"),
-    "voltage": ({"voltage", "voltages", "volt", "spannung"}, "voltages are not"),
+    "temperature": ({"temp", "temps", "temperature", "temperatures", "temperatur"}, "temperatures are not used"),
+    "voltage": ({"voltage", "voltages", "volt", "spannung"}, "voltages are not used"),
     "error": ({"error", "err", "fehler"}, "a difference follows from the others"),
     "raw": ({"counts", "ticks", "raw", "pwm"}, "raw counts: their scale is not known"),
     "tool": ({"tcp", "cartesian"}, "a pose, speed or force of the tool, not of a joint"),
-    "jerk": ({"jerk", "dtau"}, "derivatives are not"),
+    "jerk": ({"jerk", "dtau"}, "derivatives are not used"),
 }  # fmt: skip
 COMMANDED = {"cmd", "command", "commanded", "commands", "des", "desired", "target", "targets", "setpoint", "setpoints",
              "goal", "goals", "ref", "reference", "action", "soll", "sollwert", "sp"}  # fmt: skip
@@ -70,7 +73,7 @@ class Meaning:
         commanded: True for commanded, False for measured, None if the name does not tell.
         unit: of `importers.mapping.FACTORS`, or empty.
         label: the rest of the name, which identifies the joint.
-        said: the word in the name that states the quantity.
+        said: what states the quantity: a word of the name, or its unit in brackets.
     """
 
     name: str
@@ -107,6 +110,8 @@ def meaning(name: str, labels: dict[str, str]) -> Meaning:
     if quantity == "current":
         spelt = [i for i, word in enumerate(words) if word in AMPERES]
         unit, taken = (AMPERES[words[spelt[0]]] if spelt else ""), taken | {*spelt}
+    if not words and unit in TIMES and name.lower() != "s":  # `seconds`; a column `s` may as well be a length
+        quantity, said = "time", f"[{unit}]"
     commanded: bool | None = None
     for i, word in enumerate(words):
         desired = word == "d" and quantity in ("q", "dq", "tau")  # Franka: q_d, tau_J_d
@@ -123,7 +128,10 @@ def meaning(name: str, labels: dict[str, str]) -> Meaning:
 
 
 def ampere(name: str) -> re.Match[str] | None:
-    """Find A or mA in a name. A lone A counts only beside a number in a current's name: joints are called A, too."""
+    """Find the unit A or mA in a name.
+
+    A lone A counts in brackets, or next to a number in the name of a current: joints are called A, too.
+    """
     hit = re.search(r"[\[(]\s*m?A\s*[\])]|(?<![A-Za-z0-9])mA(?![A-Za-z0-9])", name)
     if hit is None and {*split(name)} & OTHER["current"][0]:
         hit = re.search(r"(?<=\d[_ ])A(?![A-Za-z0-9])|(?<![A-Za-z0-9])A(?=[_ ]\d)", name)
@@ -142,13 +150,15 @@ def split(name: str) -> list[str]:
 
 
 def _unit(name: str) -> tuple[str, str]:
-    """Return the unit in a name, and the name without it. A lone `s` is a unit at the end of a name only."""
+    """Return the unit in a name, and the name without it. A lone `s` is a unit in brackets or at the end of a name."""
     flat = re.sub(r"[\s\[\](){}.,:]+", "_", name.lower())
     for unit, pattern in UNITS:
         matches = list(re.finditer(rf"(?<![a-z0-9µ°])({pattern})(?![a-z])", flat))
-        if matches and not (unit == "s" and matches[-1].start() == 0 and len(flat) > 1):
+        if matches:
             start, end = matches[-1].span()
             if len(flat) == len(name):
                 return unit, name[:start] + "_" + name[end:]
             return unit, flat[:start] + "_" + flat[end:]
+    if hit := re.search(LONE_S, name.lower()):
+        return "s", name[: hit.start()] + "_" + name[hit.end() :]
     return "", name

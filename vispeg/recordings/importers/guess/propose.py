@@ -524,7 +524,7 @@ def _leftover(table: Table, meanings: list[Meaning], out: Proposal) -> None:
         if m.name in table.text:
             out.unused[m.name] = "no numbers"
         elif m.quantity in OTHER:
-            out.unused[m.name] = f"{OTHER[m.quantity][1]}{' used' if OTHER[m.quantity][1].endswith('not') else ''}"
+            out.unused[m.name] = OTHER[m.quantity][1]
         elif m.commanded and not m.quantity:
             out.unused[m.name] = "a command of no stated quantity, which the angles do not follow"
         else:
