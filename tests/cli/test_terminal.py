@@ -122,6 +122,8 @@ def test_the_shell_completes_commands_options_choices_and_names(vispeg, tmp_path
     assert completed(script, "vispeg", "camera", "cal") == ["calibrate"]
     assert completed(script, "vispeg", "camera", "calibrate", "--mo") == ["--mount"]
     assert completed(script, "vispeg", "record", "iiwa14", "--motion", "tri") == ["triangle"]
+    assert {"depth-mine", "--out"} <= set(completed(script, "vispeg", "explain", "--quiet", ""))
+    assert "--recording" in completed(script, "vispeg", "diagnose", "--json", "--")
     for shell in ("zsh", "fish"):
         code, out, _ = vispeg("completion", shell)
         assert code == 0 and all(name in out for name in COMMANDS)

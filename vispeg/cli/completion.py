@@ -11,8 +11,11 @@ from vispeg.cli.options import NAMED, choices, plain
 from vispeg.cli.overview import COMMANDS
 
 FILES = "<files>"  # stands for files and folders
-COMMON = {"--help": (), "--json": (), "--quiet": ()}
-Words = Mapping[str, Sequence[str]]  # option ("" for positional arguments) -> words that may follow
+ZSH = """(( $+functions[compdef] )) || { autoload -U compinit && compinit; }
+autoload -U +X bashcompinit && bashcompinit
+"""
+COMMON = dict.fromkeys(("--help", "--json", "--quiet"))
+Words = Mapping[str, Sequence[str] | None]  # option ("" for positional arguments) -> its values; None for a switch
 
 
 @command("", "shell")
@@ -28,40 +31,41 @@ def completion(call: Call, shell: Literal["bash", "zsh", "fish"]) -> None:
         shell: the shell.
     """
     if call.output.json:
-        rows = {name: {flag or "": list(after) for flag, after in row.items()} for name, row in words().items()}
+        rows = {name: {flag: list(after or ()) for flag, after in row.items()} for name, row in words().items()}
         call.output.give(rows, [])
     else:
         print(script(shell), end="")
 
 
 def words() -> dict[str, Words]:
-    """Return command (two words for a sub-command, as in `camera show`) -> option -> words that may follow."""
+    """Return command (two words for a sub-command, as in `camera show`) -> option -> its values, as in `Words`."""
     table: dict[str, Words] = {"": {"": list(COMMANDS)}, "doctor": COMMON}
     for name, each in leaves().items():
         group, _, below = name.partition(" ")
         if below:
-            table[group] = {"": [*table.get(group, {}).get("", ()), below]}
+            table[group] = {"": [*(table.get(group, {}).get("") or ()), below]}
         after = {key: _values(option.name or key, kind) for key, (_, option, kind) in each.taken().items()}
         flags = {each.word(key): values for key, values in after.items() if key not in each.positional}
-        positional = dict.fromkeys(value for key in each.positional for value in after[key])
+        positional = dict.fromkeys(value for key in each.positional for value in after[key] or ())
         table[name] = {**COMMON, **flags, "": list(positional)}
     return table
 
 
 def script(shell: Literal["bash", "zsh", "fish"]) -> str:
-    """Return the script for a shell; zsh runs the one for bash."""
+    """Return the script for a shell; zsh runs the one for bash, after its own completion is loaded."""
     rows = words()
     if shell == "fish":
         return _fish(rows)
-    head = "autoload -U +X bashcompinit && bashcompinit\n" if shell == "zsh" else ""
-    return head + _bash(rows)
+    return (ZSH if shell == "zsh" else "") + _bash(rows)
 
 
-def _values(name: str, kind: Any) -> Sequence[str]:
-    """Return the possible values of an option; empty for a flag, and for an option that takes any number or text."""
+def _values(name: str, kind: Any) -> Sequence[str] | None:
+    """Return the known values of an option; empty if it takes any number or text, None for a switch."""
     if name in NAMED:
         return [*_names(NAMED[name]), FILES]
-    return choices(kind) or ((FILES,) if plain(kind) is Path else ())
+    if (few := choices(kind)) or (basic := plain(kind)) is not None:
+        return few or ((FILES,) if basic is Path else ())
+    return None
 
 
 def _names(what: str) -> list[str]:
@@ -76,7 +80,8 @@ def _bash(rows: Mapping[str, Words]) -> str:
     for name, after in rows.items():
         flags = " ".join(flag for flag in after if flag)
         cases += [f'    "{name} {flag}") {_set(values)} ;;' for flag, values in after.items() if flag and values]
-        cases.append(f'    "{name} ") {_set([flags, *after.get("", ())])} ;;')
+        before = "|".join(f'"{name} {flag}"' for flag in ("", *(f for f in after if f and after[f] is None)))
+        cases.append(f"    {before}) {_set([flags, *(after.get('') or ())])} ;;")
     groups = "|".join(sorted({name.split()[0] for name in rows if " " in name}))
     return f"""_vispeg() {{
   local current="${{COMP_WORDS[COMP_CWORD]}}" before="${{COMP_WORDS[COMP_CWORD-1]}}" command="" words="" files=""
@@ -85,7 +90,7 @@ def _bash(rows: Mapping[str, Words]) -> str:
   [[ $before == --* ]] || before=""
   case "$command $before" in
 {chr(10).join(cases)}
-    *) before=""; files=1 ;;
+    *) files=1 ;;
   esac
   COMPREPLY=($(compgen -W "$words" -- "$current"))
   [[ -n $files ]] && COMPREPLY+=($(compgen -f -- "$current"))
@@ -107,6 +112,7 @@ def _fish(rows: Mapping[str, Words]) -> str:
         )
         when = condition or "__fish_use_subcommand"
         for flag, values in after.items():
+            values = values or ()
             plain = " ".join(value for value in values if value != FILES)
             parts = ["complete -c vispeg", f"-n '{when}'"]
             parts += [f"-l {flag[2:]}"] if flag else []
