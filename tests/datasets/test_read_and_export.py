@@ -156,3 +156,9 @@ def test_objects_of_bop_are_what_a_dataset_has_poses_of(folder, tmp_path):
     assert objects(Dataset(other)) == {1: ("tool", "tool"), 2: ("fixture", "goal")}
     with pytest.raises(UserError, match="no pose of an object"):
         objects(Dataset(other, ["action", "label.camera.eye"]))
+
+
+@pytest.mark.parametrize("kind", ["float64", "int32", "bool"])
+def test_a_picture_of_another_type_is_refused_not_rounded(kind):
+    with pytest.raises(ValueError, match=f"a picture of {kind}; it must be uint8, uint16, float32"):
+        encode(np.ones((4, 4), kind))

@@ -6,17 +6,23 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 
+TYPES = ("uint8", "uint16", "float32")  # pixel types that are written without loss
 DEPTH_STEP = 1e-4  # m, step of 16-bit depth pictures (0.1 mm; they reach 6.5535 m)
 
 
 def encode(image: np.ndarray) -> bytes:
-    """Encode a picture as PNG or, if its numbers are floating-point, as TIFF.
+    """Encode a picture as PNG or, if it is float32, as TIFF.
 
     Args:
-        image: (H, W, 3) uint8 RGB, (H, W) uint8 labels, (H, W) uint16, or (H, W) float32 depth in m.
+        image: (H, W, 3) uint8 RGB, (H, W) uint8 labels, (H, W) uint16 depth in steps, or (H, W) float32 depth in m.
+
+    Raises:
+        ValueError: another type, which OpenCV would convert to 8 bits, or not the shape of a picture.
     """
     import cv2
 
+    if image.dtype not in TYPES:
+        raise ValueError(f"a picture of {image.dtype}; it must be {', '.join(TYPES)}")
     if image.dtype == np.float32:  # deflate with the floating-point predictor: 40 % less than the raw numbers
         options = [cv2.IMWRITE_TIFF_COMPRESSION, cv2.IMWRITE_TIFF_COMPRESSION_ADOBE_DEFLATE]
         options += [cv2.IMWRITE_TIFF_PREDICTOR, cv2.IMWRITE_TIFF_PREDICTOR_FLOATINGPOINT]
