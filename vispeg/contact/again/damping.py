@@ -28,8 +28,8 @@ from vispeg.task.belief import recorded_cell
 from vispeg.worlds.world import World
 
 NAME, TWIN = "contact_damping", "restitution"
-SCALES = np.geomspace(0.05, 10.0, 15)
-FINER = 4  # factor of the second, finer grid around the best value
+SCALES = np.geomspace(0.05, 10.0, 15)  # times the nominal damping
+FINER = 4  # steps of the second grid per step of the first, on both sides of the best value
 BESIDE = ("compliance", "friction", "free air")  # stages of other effects that may explain impacts
 
 
@@ -60,14 +60,14 @@ def struck(world: World, fitted: Sequence[Recording], held_out: Sequence[Recordi
         return Struck()
     fit, judge = ([b for rec in some for b in blows(rec)] for some in (fitted, held_out))
     if not fit or not judge:
-        return Struck(unseen=_unseen({"fitted": (fitted, fit), "held out": (held_out, judge)}))
+        return Struck(unseen=_unseen({"fitted": (fitted, fit), "held-out": (held_out, judge)}))
     scene = fit[0].scene
     where = place_of(effect(NAME), scene)
     scale, low, high, least, none = _fitted(world, where, fit, nthread)
     best = EffectInstance.of(NAME, where, scale=scale)
     before, after = (_off(judge, w, nthread) for w in (world, world.add(best)))
     count = f"{len(fit)} impacts and {len(judge)} held-out ones, simulated from just before each"
-    flight = f"the error of the flight after the held-out ones is {1e3 * before.rms:.2g} ms RMS"
+    flight = f"the time from each held-out impact to the next contact is wrong by {1e3 * before.rms:.2g} ms RMS"
     rise = _rise(least, fit)
     if none - least <= rise or within(low, high) or before.square - after.square <= RULES.interval * RULES.blow_hang:
         e = " to ".join(f"{_restitution(scene, where, s):.2g}" for s in (high, low))
@@ -75,7 +75,8 @@ def struck(world: World, fitted: Sequence[Recording], held_out: Sequence[Recordi
         if min(before.square, after.square) > RULES.blows_explained * before.count:
             text = "no damping explains them"
         elif not low <= 1.0 <= high:
-            text += ", which the contact law's own error may also explain: not named"
+            law = "which the contact law's own error may also explain"
+            text += f", {law if within(low, high) else 'but it does not improve the held-out impacts'}: not named"
         return Struck(notes=(f"{count}: {flight}; {text}",))
     rivals = _rivals(world, scene, fit, least + rise, nthread)
     if after.square > RULES.blows_explained * after.count or rivals:
@@ -121,7 +122,11 @@ def _rise(least: float, some: Sequence[Blow]) -> float:
 
 
 def _fitted(world: World, where: str, some: Sequence[Blow], nthread: int) -> tuple[float, float, float, float, float]:
-    """Return the best scale, its interval's ends, the squared residual there and that of the nominal damping."""
+    """Fit the scale of the damping on two grids.
+
+    Returns:
+        (best scale, its interval's low end, its high end, squared residual at the best, squared residual at scale 1).
+    """
 
     def squares(scales: np.ndarray) -> np.ndarray:
         return _squares(some, [world.add(EffectInstance.of(NAME, where, scale=float(s))) for s in scales], nthread)
@@ -157,7 +162,7 @@ def _crossing(scales: np.ndarray, values: np.ndarray, level: float, inside: int,
 
 
 def _rivals(world: World, scene: Scene, some: Sequence[Blow], most: float, nthread: int) -> list[str]:
-    """Return the effects that explain the impacts as well at some size."""
+    """Return labels of effects that at some size explain the impacts to within the squared residual `most`."""
     there = {e.effect for e in world.effects}
     kinds = [k for k in looked_for() if k.stage in BESIDE and k.name not in there and place_of(k, scene)]
     probes = [p for k in kinds for _, p in tries(k.name, place_of(k, scene))]
@@ -179,7 +184,9 @@ def _unseen(groups: Mapping[str, tuple[Sequence[Recording], Sequence[Blow]]]) ->
     }
     lacks = {name: text for name, v in speeds.items() if (text := lacks_blows(v))}
     same = len(lacks) == len(groups) and len(set(lacks.values())) == 1
-    why = next(iter(lacks.values())) if same else "; ".join(f"{text}, in what is {n}" for n, text in lacks.items())
+    why = (
+        next(iter(lacks.values())) if same else "; ".join(f"{text}, in the {n} recordings" for n, text in lacks.items())
+    )
     rec = next(rec for recs, _ in groups.values() for rec in recs)
     where = place_of(effect(NAME), recorded_cell(rec).scene)
     return ({"effect": NAME, "where": where, "why": why, "motion": effect(NAME).shown_by[0]},)
