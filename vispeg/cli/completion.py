@@ -14,8 +14,8 @@ FILES = "<files>"  # stands for files and folders
 ZSH = """(( $+functions[compdef] )) || { autoload -U compinit && compinit; }
 autoload -U +X bashcompinit && bashcompinit
 """
-COMMON = dict.fromkeys(("--help", "--json", "--quiet"))
 Words = Mapping[str, Sequence[str] | None]  # option ("" for positional arguments) -> its values; None for a switch
+COMMON: Words = dict.fromkeys(("--help", "--json", "--quiet"))
 
 
 @command("", "shell")
