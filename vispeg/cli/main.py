@@ -26,7 +26,9 @@ from vispeg.core.provenance import command_line
 # Problems are small and run beside simulations, so BLAS threads would only wait for one another: a diagnosis in torque
 # space took 15 times the processor time. PyTorch's threads are not affected.
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"
-GARBAGE = 10_000  # objects between garbage collections; with Python's 700 they take a quarter of the time of a page
+GARBAGE = (
+    10_000  # objects between garbage collections; with Python's 700 they take a quarter of the time of an HTML report
+)
 EXIT_USAGE, EXIT_INTERRUPT, EXIT_PIPE, EXIT_TERMINATED = 2, 130, 141, 143
 
 
@@ -61,7 +63,8 @@ def run(argv: Sequence[str]) -> int:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; return the exit code.
 
-    Exit codes: 0 done, 2 bad input or usage, 130 interrupted, 141 the reader of the output went away, 143 terminated.
+    Exit codes: 0 done, 1 an alarm of `suite` or a fault that `doctor` found, 2 bad input or usage, no memory or a file
+    that cannot be written, 130 interrupted, 141 the reader of the output went away, 143 terminated.
     """
     UserError.in_command = True
     gc.set_threshold(GARBAGE)

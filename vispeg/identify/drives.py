@@ -103,19 +103,19 @@ class Motion:
 class Drives:
     """Recordings in torque space: the drive torque of each joint, and the torque that worlds require.
 
-    Without any recording, its truth value is False.
+    Its truth value is False if no recording has a known drive torque; the arrays below are then missing.
 
     Args:
-        recordings: those without a known drive torque are left out.
+        recordings: at least one; those without a known drive torque are left out.
 
     Attributes:
         recordings: those with a known drive torque.
         evidence: compares them by inverse dynamics; None if there are none.
-        items: of the evidence, end to end in the arrays below.
+        items: items of the evidence, whose samples stand end to end in the arrays below, n in all.
         which: index in the evidence of each of the items (`each` keeps one of them).
-        torque: (n, nj) N m, drive torque, low-passed.
-        dq: (n, nj) rad/s.
-        valid: (n, nj) bool.
+        torque: (n, nj) N m, drive torque, low-passed twice, as the required torque is.
+        dq: (n, nj) rad/s, low-passed.
+        valid: (n, nj) bool, samples that may be compared.
         measured: whether all torques were measured by a sensor, not computed from a controller.
     """
 
@@ -169,7 +169,7 @@ class Drives:
         return out
 
     def _motion(self, i: int, world: World) -> Motion:
-        """Return the motion of item `i` of the evidence; `world` has the links' masses."""
+        """Return the motion of item `i` of the evidence; `world` states the masses of the links."""
         assert self.evidence is not None
         item = self.evidence.items[i]
         seg = item.segment
@@ -190,9 +190,10 @@ class Drives:
 
 
 def noise(recordings: Sequence[Recording], world: World, seed: int = 0) -> np.ndarray:
-    """Return the RMS (nj,) N m that noise alone makes in drive minus required torque, from one simulated repeat.
+    """Return the RMS (nj,) N m that noise alone makes in drive minus required torque.
 
-    The repeat has the recordings' noise added once more.
+    Nothing is simulated: noise of the stated size is added once more to the measured q and tau, and the difference is
+    what changes.
     """
     rng = np.random.default_rng(seed)
     again = []

@@ -84,7 +84,7 @@ def thoughts(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy)
 def positions(obs: Mapping[str, np.ndarray], policy: Policy) -> list[str]:
     """Return two lines, the tip's estimated and true position in the goal's frame, in mm.
 
-    They are empty if the policy has no estimate, or if the observation lacks the truth.
+    The list is empty if the policy has no estimate, or if the observation lacks the truth.
     """
     if policy.estimate is None or PRIVILEGED not in obs:
         return []

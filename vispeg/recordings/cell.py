@@ -82,7 +82,8 @@ class Outcome:
         episode: its number in the column `episode`.
         category: category of the failure, or `success`.
         peak_force: greatest contact force, N; None if not known.
-        depth: depth of the tip at the end, m; None if not known.
+        depth: depth of the tip below the hole's mouth, m: the greatest of a simulated run, else as recorded; None if
+            not known.
     """
 
     success: bool
@@ -118,9 +119,9 @@ def canonical(ft: np.ndarray, sensor: WrenchSensor, rotation: np.ndarray) -> np.
 def reaction(wrench: np.ndarray) -> np.ndarray:
     """Convert the wrench of the flange on the tool to that of the tool on the flange, or back; any shape, N and N m.
 
-    Two sign conventions are in use. Recordings and equations of motion use the wrench of the flange on the tool
-    (`acts_on: tool`); effects of the wrist sensor (`Effect.wrench`) and policies use its reaction. Every conversion
-    calls this function, so that no bias changes its sign by mistake.
+    Two sign conventions are in use. `canonical`, equations of motion and simulated recordings have the wrench of the
+    flange on the tool; effects of the wrist sensor (`Effect.wrench`) and policies have its reaction. Other recordings
+    state theirs (`WrenchSensor.acts_on`): `canonical` converts from it, and `vispeg.trials.ros2_robot.as_read` to it.
     """
     return -wrench
 

@@ -2,9 +2,10 @@
 
 They are built-in shapes, or the meshes that a world's `distractor_meshes` names, in the size that their files have.
 
-Kinds, sizes, colours and places follow from `seed` alone. Built-in shapes are at most 6 cm high, and every object stays
-`KEEP_OUT` away from the goal, so the gripper and the held part do not reach into them. A place that overlaps another
-object is drawn again.
+Kinds follow from `seed` alone. Proportions, turns, colours and places do too, except after an object that was drawn to
+a taken place: whether it was depends on `size`, which scales the built-in shapes. Built-in shapes are at most 6 cm
+high, and every object stays `KEEP_OUT` away from the goal, so the gripper and the held part do not reach into them. A
+place that overlaps another object is drawn again.
 Native mechanism: `geom_pos`, `geom_quat`, `geom_size`, `geom_rgba` of geoms that the scene keeps invisible, and the
 bounds that ray casting uses (`geom_rbound`, `geom_aabb`). `geom_sameframe` is cleared, or MuJoCo would ignore the
 rotation.
@@ -33,7 +34,7 @@ class Distractors(SceneLook):
     name = "distractors"
     params = {
         "count": Param(0.0, 0.0, 5.0, "1", start=3.0, doc="number of objects, rounded"),
-        "size": Param(1.0, 0.4, 1.5, "1", start=1.0, shape=True, doc="scale of all objects"),
+        "size": Param(1.0, 0.4, 1.5, "1", start=1.0, shape=True, doc="scale of the built-in shapes"),
         "seed": Param(0.0, 0.0, SEEDS, "1", start=1.0, shape=True, doc="seed of kinds, sizes, colours and places"),
     }
     writes = frozenset(f"geom_{x}" for x in ("pos", "quat", "size", "rgba", "rbound", "aabb", "sameframe"))
@@ -91,7 +92,8 @@ def _shape(kind: int, half: np.ndarray, yaw: float) -> tuple[np.ndarray, np.ndar
 def _mesh(model: mujoco.MjModel, mesh: int, yaw: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Return position (3,) m, quaternion (4,) and horizontal reach, m, of a mesh's geom on the table.
 
-    The mesh is turned by `yaw` rad and the origin of its file is at the table's origin. MuJoCo's compiler moved the
+    The mesh is turned by `yaw` rad. Its origin, the middle of its bottom, is at x = y = 0, `LIFT` above the table;
+    `write` moves it to its place. MuJoCo's compiler moved the
     vertices into the mesh's principal axes, by `mesh_pos` and `mesh_quat`, which is undone here.
     """
     turn, quat, stands, matrix = (

@@ -17,8 +17,8 @@ class Whitener:
     """C^-1/2 of readings in units of their noise.
 
     Attributes:
-        basis: (n, k) orthonormal U.
-        shrink: (k,) 1 - (1 + L)^-1/2.
+        basis: (n, r), orthonormal columns U; r <= k is the rank of G.
+        shrink: (r,) 1 - (1 + L)^-1/2.
         logdet: log det C.
     """
 

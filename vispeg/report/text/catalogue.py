@@ -7,7 +7,7 @@ from typing import Any, TypedDict, get_args
 
 from vispeg.core.effect import Effect, Family
 from vispeg.core.params import Param
-from vispeg.report.text.effect_words import equation, summary, unit
+from vispeg.report.text.effect_words import file_text, summary, unit
 from vispeg.report.text.tables import Column, Sheet, terminal, wrapped
 
 WIDEST = 100  # most columns of text, even on a wider terminal
@@ -64,7 +64,7 @@ def describe(kind: Effect, robot: Any) -> EffectEntry:
         "name": kind.name,
         "family": kind.family,
         "summary": summary(kind),
-        "description": equation(kind),
+        "description": file_text(kind),
         "where": kind.targets(robot),
         "params": params,
     }
@@ -98,7 +98,7 @@ def print_effect(kind: Effect, robot: Any) -> None:
 
     console = terminal()
     console.print(Text(kind.name, style="bold").append(f"  {summary(kind)}", style="not bold"))
-    for paragraph in equation(kind).split("\n\n"):
+    for paragraph in file_text(kind).split("\n\n"):
         lines = paragraph.splitlines()
         flowing = not any(line.startswith(" ") for line in lines)  # indented lines keep their breaks
         console.print(Text("\n" + (" ".join(lines) if flowing else paragraph)), width=min(console.width, WIDEST))

@@ -25,7 +25,7 @@ def summary(kind: Effect) -> str:
     return (inspect.getdoc(type(kind)) or "").partition("\n")[0]
 
 
-def equation(kind: Effect) -> str:
+def file_text(kind: Effect) -> str:
     """Return the docstring of the effect's file: equation, mechanism and source."""
     return (getattr(sys.modules.get(type(kind).__module__), "__doc__", None) or "").strip()
 
@@ -33,7 +33,7 @@ def equation(kind: Effect) -> str:
 def title(name: str) -> str:
     """Return an effect's title, such as `Coulomb friction`; its name with blanks if it has none or is unknown."""
     kind = REGISTRY.get(name)
-    head = equation(kind).partition(":")[0] if kind is not None else ""
+    head = file_text(kind).partition(":")[0] if kind is not None else ""
     return head if TITLE.fullmatch(head) else name.replace("_", " ").capitalize()
 
 
@@ -65,7 +65,8 @@ def named(row: Mapping[str, Any]) -> str:
 def size(row: Mapping[str, Any]) -> str:
     """Return the size of an effect: `1.20 N m`, or `coulomb 1.20 N m, excess 0.400 N m`; empty without a value.
 
-    Shape parameters are left out. So are parameters that are null, or whose interval includes null, if others are not.
+    Shape parameters are left out. So are those at their value without effect (null), or whose interval includes it, if
+    others are not. A lone ratio has its parameter's name too: `scale 0.500`.
     """
     kind, params = REGISTRY.get(str(row.get("effect"))), params_of(row)
     names = [n for n in params if kind is None or n not in kind.params or not kind.params[n].shape]
