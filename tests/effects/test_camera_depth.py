@@ -118,16 +118,6 @@ def test_edges_grow_by_half_the_window_on_each_side():
     np.testing.assert_array_equal(apply("edge_fattening", shallow, window=6.0, focal=F).depth, given)  # no edge
 
 
-def test_a_hole_beside_an_edge_leaves_the_fattening_as_it_is():
-    """Missing readings, as from a stereo shadow, are not a far surface to which the disparity falls."""
-    settings = {"window": 6.0, "reject": 0.0, "focal": F}
-    frame = step(0.2, 0.4)
-    frame.depth[0, 20:40:5, 18:20] = 0
-    hole = frame.depth[0] == 0
-    filled = apply("edge_fattening", step(0.2, 0.4), **settings).depth[0]
-    np.testing.assert_array_equal(apply("edge_fattening", frame, **settings).depth[0], np.where(hole, 0, filled))
-
-
 def test_a_steep_plane_has_no_edge():
     """Its disparity falls by 3 px of the matcher from one row to the next: that is a slope, not a step."""
     frame = plane(0.3)

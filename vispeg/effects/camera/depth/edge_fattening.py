@@ -4,10 +4,10 @@ With a window of `window` px at the matcher's native size, a near object grows b
 pixel beside an edge gets the least depth within half a window of it; a share `reject` of these pixels gets no reading.
 An edge is where the largest disparity within reach exceeds the pixel's own by more than `contrast` px plus twice what
 it falls to the least within reach. The disparity of a plane is linear in the image, so it falls as far to one side of a
-pixel as it rises to the other: no slope is an edge. Missing readings have no disparity and count neither way. If half a
-window is not a whole number of image pixels, it is rounded up in a share of the pixels equal to the fraction, and down
-in the others. Source: Scharstein and Szeliski, A taxonomy of dense two-frame stereo algorithms, IJCV 47, 2002, section
-3.2. Range: windows of 5 to 9 px.
+pixel as it rises to the other: no slope is an edge. Missing readings count as disparity 0, so that a pixel beside one
+is no edge. If half a window is not a whole number of image pixels, it is rounded up in a share of the pixels equal to
+the fraction, and down in the others. Source: Scharstein and Szeliski, A taxonomy of dense two-frame stereo algorithms,
+IJCV 47, 2002, section 3.2. Range: windows of 5 to 9 px.
 """
 
 from __future__ import annotations
@@ -50,8 +50,7 @@ class EdgeFattening(CameraEffect):
             d = np.divide(scale, depth, out=np.zeros_like(depth), where=depth > 0)
             wide = np.ones((2 * pixels + 3,) * 2, np.uint8)
             high = cv2.dilate(d, wide)
-            least = cv2.erode(np.where(depth > 0, d, np.inf), wide)  # a hole is not the least disparity beside it
-            edge = SLOPES * (d - least) + np.float32(p["contrast"][row])
+            edge = SLOPES * (d - cv2.erode(d, wide)) + np.float32(p["contrast"][row])
             inner = (slice(pixels + 1, -pixels - 1),) * 2  # near the image's border one side is unknown
             candidate = np.zeros(frame.shape, bool)
             candidate[inner] = (high - d > edge)[inner] & (depth[inner] > 0)
