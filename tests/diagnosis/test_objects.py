@@ -135,7 +135,7 @@ COMMAND = "vispeg diagnose cube.xml --recording a --validate b --out found"
             f"{COMMAND}-2 --recording NEW-RECORDING",
         ),
         ([TOLD], ["object_mass"], "Weigh the object five times", f"{COMMAND}-2"),
-        ([TOLD], [], "Let the object go by hand from other heights", f"{COMMAND}-2 --recording NEW-RECORDING"),
+        ([TOLD], [], "Drop the object by hand from other heights", f"{COMMAND}-2 --recording NEW-RECORDING"),
     ],
 )
 def test_the_page_says_what_a_person_does_with_an_object(parameters, never, said, command):

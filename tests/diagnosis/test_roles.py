@@ -92,4 +92,4 @@ def test_what_one_recording_alone_shows_leaves_no_model_adequate(recordings):
     assert record["verdict"] == "unexplained" and record["effects"] == []
     assert record["unexplained"] is not None and record["unexplained"]["shows_in"] == "once"
     assert record["next_experiment"] is not None and "motion like it" in record["next_experiment"]["why"]
-    assert "once alone" in words.verdict(record)
+    assert "only in once" in words.verdict(record)

@@ -82,8 +82,8 @@ class Outcome:
         episode: its number in the column `episode`.
         category: category of the failure, or `success`.
         peak_force: greatest contact force, N; None if not known.
-        depth: depth of the tip below the hole's mouth, m: the greatest of a simulated run, else as recorded; None if
-            not known.
+        depth: depth of the tip below the mouth that it enters, m: the greatest of a simulated run, else as recorded;
+            None if not known.
     """
 
     success: bool

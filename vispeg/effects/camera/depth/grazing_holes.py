@@ -1,4 +1,4 @@
-"""Grazing holes: pixels without a reading, likelier at grazing incidence, on dark surfaces and in highlights.
+"""Lost depth readings: likelier at grazing incidence, on dark surfaces and in highlights.
 
 A pixel is lost with probability 1 - (1 - P_grazing) (1 - P_dark) (1 - P_shine) (1 - P_blobs). At incidence a, P_grazing
 = grazing / (1 + exp((cos a - cos angle) / 0.04)); with `angle` 1.3 rad, the width 0.04 of the transition is 2.4 deg.
