@@ -153,10 +153,8 @@ def rigid_body(robot: RobotModel, world: World, q: np.ndarray, dq: np.ndarray) -
 
     Bias is gravity, centrifugal and Coriolis torque. Of the world only effects that change masses or gravity matter.
     """
-    model, rigid = (
-        copy(compiled(robot)),
-        World(effects=tuple(e for e in world.effects if effect(e.effect).writes & RIGID)),
-    )
+    model = copy(compiled(robot))
+    rigid = World(effects=tuple(e for e in world.effects if effect(e.effect).writes & RIGID))
     fields = Fields(RowFields(compiled(robot), 1), robot)
     for a in activate(robot, [rigid]):
         a.effect.write(fields, a.p)

@@ -132,6 +132,7 @@ def hold(mass, jac, now, turned, dq, pos, rot, kp, kd, pull, limit, worst, out, 
     computes them by `laws.osc`. The flange is at position `now` (n, 3) and orientation `turned` (n, 4). The other
     arguments are those of `laws.hold_pose`, but `pull` may have no rows, and `limit` (N) has length n or 1 and may be
     infinite.
+
     Raises:
         ValueError: an array with another number of rows, which would be read beyond its end.
     """

@@ -20,12 +20,12 @@ SAME = 1e-3  # tolerance of a turned vertex, as a share of the part's extent
 
 def ply(mesh: Mesh, scale: float = 1.0) -> bytes:
     """Return a PLY file of a mesh, its vertices multiplied by `scale`."""
-    vertices, faces = scale * mesh[0], np.empty(len(mesh[1]), [("count", "u1"), ("corners", "<i4", 3)])
-    faces["count"], faces["corners"] = 3, mesh[1]
-    lines = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
-    lines += [f"property float {axis}" for axis in "xyz"]
-    lines += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header", ""]
-    return "\n".join(lines).encode() + vertices.astype("<f4").tobytes() + faces.tobytes()
+    import trimesh
+    from trimesh.exchange.ply import export_ply
+
+    made = trimesh.Trimesh(scale * mesh[0], mesh[1], process=False)
+    data = export_ply(made, encoding="binary")
+    return data if isinstance(data, bytes) else data.encode()
 
 
 def read_ply(path: Path) -> Mesh:

@@ -36,8 +36,7 @@ def record_expert(
     name: str = "simulated",
     h_max: float = STEP,
 ) -> Recording:
-    """Record one episode: a second in free air, then the scripted expert until success, failure or the
-    episode's time limit.
+    """Record one episode: a second in free air, then the scripted expert until success, failure or its time limit.
 
     Args:
         world: the simulated robot: a model with a cell and effects.
