@@ -105,3 +105,9 @@ def test_effects_that_were_not_fitted_keep_their_intervals():
 
 def test_nothing_to_explain_is_no_share():
     assert share_left(0.9, 0.8) == 0.0 and share_left(2.0, 3.0) == 0.0 and share_left(5.0, 1.0) == 0.0
+
+
+@given(st.floats(1.0, 100.0))
+def test_the_share_that_remains_does_not_depend_on_the_noise(floor):
+    """Coarse encoders and noise that is fed back are in both errors; a hundredth of the rest remains, in squares."""
+    assert share_left(floor + 100.0, floor + 1.0, floor) == pytest.approx(0.1)

@@ -10,11 +10,13 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.selection.judge import Judge
+from vispeg.identify.calibrate import calibrate
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
 from vispeg.identify.loops.noise_motion import noise_motion, reading_noise, within_noise
 from vispeg.identify.record import centre_of, controller, record
 from vispeg.recordings.recording import Recording
+from vispeg.report.fitted import fit_record
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled
 from vispeg.sim.rollout import ReadingNoise, simulate
@@ -95,6 +97,17 @@ def test_a_coarse_encoder_leaves_the_right_model_no_more_than_is_foretold():
     assert np.all(np.array(wrong) > RULES.adequate)
     fine = World().add(EffectInstance.of("encoder_quantization", "joint2", step=2e-5))
     assert noise_motion(Evidence([recorded("torque")]), fine) == 0.0
+
+
+def test_a_coarse_encoder_makes_no_value_of_the_right_model_less_certain():
+    """All that is left is the encoder's; none of it is an error of the friction's form."""
+    coarse = World().add(EffectInstance.of("encoder_quantization", "joint2", step=4e-4))
+    right, begun = (coarse.add(EffectInstance.of("coulomb_friction", "joint4", torque=t)) for t in (2.0, 1.0))
+    fitted, judged = (Evidence([recorded("torque", right, seed)], h_max=1e-3) for seed in (10, 11))
+    found = calibrate(fitted, begun, (1,), seed=0)
+    _, world = fit_record(coarse, found, (1,), fitted, judged)
+    assert world.effects[1].params["torque"] == found.fit.world.effects[1].params["torque"]
+    assert world.effects[1].params["torque"].value == pytest.approx(2.0, rel=1e-3)
 
 
 def test_readings_are_as_noisy_as_their_encoders_steps_make_them():

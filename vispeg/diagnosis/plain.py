@@ -93,7 +93,8 @@ def concluded(
     errors = judged.errors([world, state.world])
     seen = (errors[0] / judged.floor, errors[1] / judged.floor)
     n_added = len(final.effects) - n_fixed
-    verdict = decide(state.first, search.judge.mean(state.loss), n_added, rivals, [], errors=seen)
+    after, floor = search.judge.mean(state.loss), search.judge.floor(state.world)
+    verdict = decide(state.first, after, n_added, rivals, [], floor, errors=seen)
     final = with_origin(final, n_fixed, *recordings, errors[0], errors[1], verdict.partial)
     search.say("working out what could not have been seen")
     record: DiagnosisRecord = {

@@ -115,7 +115,7 @@ def diagnose(
     held = [[missing_torque(i, y[w]) for i, y in zip(judged.items, predicted, strict=True)] for w in (0, 1)]
     joints = judged.items[0].robot.joints
     depends = dependences(after_missing, held[1], joints)
-    fed_back = noise_motion(judged, model.world) if judged.unit == "rad" else 0.0
+    fed_back = noise_motion(judged, model.world)
     floor = judge.floor(model.world) + fed_back
     least = None
     if isinstance(evidence, TorqueEvidence) and isinstance(judged, TorqueEvidence):
@@ -135,7 +135,7 @@ def diagnose(
         unsure = tentative(state, n_fixed, search.exchanges(state), rivals, far=worst > RULES.far)
     unsure |= {c.label for c in changing}
     verdict = without_tentative(verdict, rivals, unsure)
-    wrong = of_form(evidence, model.fit, before, after - floor + 1.0)
+    wrong = of_form(evidence, model.fit, before, after, floor)
     final = with_origin(
         widened(model.world, range(n_fixed, len(model.world.effects)), wrong),
         n_given,

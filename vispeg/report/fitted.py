@@ -12,6 +12,7 @@ from vispeg.diagnosis.conclusion.intervals import of_form, widened
 from vispeg.diagnosis.schema import Correlations, Rung
 from vispeg.identify.calibrate import Calibration, labels, strong_pairs
 from vispeg.identify.evidence import Evidence
+from vispeg.identify.loops.noise_motion import noise_motion, reading_floor
 from vispeg.recordings.windows import records
 from vispeg.report.text import words
 from vispeg.report.text.summary import Block, Line
@@ -59,7 +60,8 @@ def fit_record(
     fitted, held = evidence.errors(worlds), [None, None] if judged is None else judged.errors(worlds)
     before, after = (float(np.sum(r * r) / max(judge.count, 1)) for r in judge.residuals(worlds))
     unit, floor = f"{evidence.unit} RMS", (judged or evidence).floor
-    effects = list(widened(fit.world, free, of_form(evidence, fit, before, after)).effects)
+    least = reading_floor(judge, fit.world) + noise_motion(judge, fit.world)
+    effects = list(widened(fit.world, free, of_form(evidence, fit, before, after, least)).effects)
     for i in free:
         origin: dict[str, object] = {"fitted_on": [r.name for r in evidence.recordings]}
         if judged is not None:

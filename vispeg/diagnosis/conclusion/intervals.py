@@ -17,11 +17,11 @@ Z = 1.96  # 95 % of a normal distribution
 Error = Callable[[int, str], float]  # (index of an effect in the world, parameter) -> half-width
 
 
-def share_left(before: float, after: float) -> float:
-    """Return the ratio of the excess amplitudes over noise, after to before; 0 if there was nothing to explain."""
-    if before <= max(1.0, after):
+def share_left(before: float, after: float, floor: float = 1.0) -> float:
+    """Return the ratio of the excess amplitudes over `floor`, after to before; 0 if there was nothing to explain."""
+    if before <= max(floor, after):
         return 0.0
-    return float(np.sqrt(max(after - 1.0, 0.0) / (before - 1.0)))
+    return float(np.sqrt(max(after - floor, 0.0) / (before - floor)))
 
 
 def absorbed(fit: Fit, share: float) -> Error:
@@ -64,7 +64,7 @@ def _away(world: World, index: int, name: str) -> float:
     return 1.0 if p.scale == "log" else placed.params[name].value - p.origin
 
 
-def of_form(evidence: Evidence, fit: Fit | None, before: float, after: float) -> Error:
+def of_form(evidence: Evidence, fit: Fit | None, before: float, after: float, floor: float = 1.0) -> Error:
     """Return the errors of fitted values in a model whose form is wrong.
 
     Args:
@@ -72,10 +72,11 @@ def of_form(evidence: Evidence, fit: Fit | None, before: float, after: float) ->
         fit: the values; None if nothing was fitted.
         before, after: mean squared whitened residual of the held-out recordings, without the fitted effects and with
             them; 1 is noise.
+        floor: the same of the right model; above 1 if encoders are coarse or the loop feeds noise back.
     """
     if fit is None:
         return lambda index, name: 0.0
-    share = share_left(before, after)
+    share = share_left(before, after, floor)
     return proportional(fit.world, share) if evidence.rough else absorbed(fit, share)
 
 

@@ -16,7 +16,7 @@ from vispeg.core.rules import RULES
 from vispeg.diagnosis.findings import Gain
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit
-from vispeg.identify.loops.noise_motion import reading_noise
+from vispeg.identify.loops.noise_motion import reading_floor
 from vispeg.worlds.world import World
 
 
@@ -63,12 +63,8 @@ class Judge:
         return float(loss.sum() / max(self.size.sum(), 1))
 
     def floor(self, world: World) -> float:
-        """Return the mean squared whitened residual of a correct model: 1, or more if its encoders are coarse."""
-        more = 0.0
-        for item in self.evidence.items if self.evidence.unit == "rad" else ():
-            ratio = reading_noise(item, world) / item.sigma[: item.nj]
-            more += float(((ratio**2 - 1.0) * item.valid[:, : item.nj].sum(axis=0)).sum())
-        return float(1.0 + more / max(self.size.sum(), 1))
+        """Return the mean squared whitened residual of a correct model (`reading_floor`)."""
+        return reading_floor(self.evidence, world)
 
     def apart(self, gain: Gain) -> bool:
         """Return whether a gain distinguishes two worlds by its size alone, however few blocks of time contribute."""

@@ -209,7 +209,8 @@ class PlainSearch(Loop, Shown):
 
     def finish(self, state: State, n_fixed: int) -> World:
         """Return the world of a state after its last step, with intervals that include the error of its form."""
-        wrong = of_form(self.evidence, state.fit, state.first, self.judge.mean(state.loss))
+        after, floor = self.judge.mean(state.loss), self.judge.floor(state.world)
+        wrong = of_form(self.evidence, state.fit, state.first, after, floor)
         return widened(state.world, range(n_fixed, len(state.world.effects)), wrong)
 
     def rivals(self, state: State, n_fixed: int) -> list[Rivals]:

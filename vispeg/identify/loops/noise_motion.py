@@ -26,14 +26,14 @@ DRAWS = 16  # number of draws of the noise
 def noise_motion(evidence: Evidence, world: World) -> float:
     """Return the mean squared motion of `world` due to noise in its feedback, over the variance of the readings' noise.
 
-    It adds to the noise of the readings themselves (`reading_noise`), and is 0 except under OSC or if `world` has an
+    It adds to the noise of the readings themselves (`reading_floor`), and is 0 except under OSC or if `world` has an
     encoder coarser than its noise. It is simulated with draws of the stated or measured noise. The draws differ
     widely, because a null space drifts slowly, so a high quantile over them is returned (`noise_quantile`). If an
     encoder is coarse, each draw starts elsewhere within a step, and the quantile is lower (`noise_quantile_coarse`), so
     that a wide floor does not hide missing effects.
     """
     total, count, share = np.zeros(DRAWS), 0, RULES.noise_quantile
-    for item in evidence.items:
+    for item in evidence.items if evidence.unit == "rad" else ():
         count += int(item.valid.sum())
         sigma = item.sigma[: item.nj]
         plain = reading_noise(item, world) / sigma
@@ -57,6 +57,15 @@ def noise_motion(evidence: Evidence, world: World) -> float:
         total += np.where(item.valid[:, : item.nj], moved**2 - floor, 0.0).sum(axis=(1, 2))
     total = total[np.isfinite(total)]  # a draw that diverges says nothing about the others
     return max(float(np.quantile(total, share)), 0.0) / max(count, 1) if len(total) else 0.0
+
+
+def reading_floor(evidence: Evidence, world: World) -> float:
+    """Return the mean squared whitened residual of a correct model: 1, or more if its encoders are coarse."""
+    more = 0.0
+    for item in evidence.items if evidence.unit == "rad" else ():
+        ratio = reading_noise(item, world) / item.sigma[: item.nj]
+        more += float(((ratio**2 - 1.0) * item.valid[:, : item.nj].sum(axis=0)).sum())
+    return 1.0 + more / max(evidence.count, 1)
 
 
 def within_noise(evidence: Evidence, world: World) -> bool:
