@@ -51,7 +51,7 @@ def test_a_newton_read_stands_for_as_much_as_the_gain_says():
     late = World().add(EffectInstance.of("wrench_delay", "flange", delay=0.02))
     biased = World().add(EffectInstance.of("wrench_bias", "flange", fx=1.0))
     for world, force in ((gain(1.25), 0.8), (late, 1.0), (biased, 1.0), (World(), 1.0)):
-        assert true_per_read(item.path, item.armless, world) == pytest.approx(force)
+        assert true_per_read(item.path, world) == pytest.approx(force)
 
 
 def test_the_floor_in_free_air_is_what_a_block_of_readings_leaves_of_their_noise():

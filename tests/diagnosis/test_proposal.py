@@ -69,6 +69,7 @@ def test_nothing_is_proposed_for_the_right_model(sides):
 def test_no_torque_no_proposal(sides):
     blind = [[replace(r, control=Control("unknown", 500.0), tau=None, torque_sensor="none") for r in s] for s in sides]
     assert propose(World(), *blind) is None
+    assert propose(World(), blind[0], []) is None and propose(World(), [], []) is None
 
 
 @pytest.mark.parametrize("name", sorted(n for n, e in REGISTRY.items() if e.overrides("regressor")))

@@ -109,6 +109,9 @@ def test_the_hole_keeps_its_volume_and_its_clearance(files):
     flange = np.array(scene.config.fixture) + [0, 0, scene.tip - 0.8 * scene.config.depth]
     left = user_shapes.gap(scene.compile(), flange)
     assert 0.75 * CLEARANCE / 2000 < left < CLEARANCE / 2000 + 1e-6
+    model = scene.compile()
+    model.geom_contype[:] = 0
+    assert user_shapes.gap(model, flange) == 0.05, "shapes that cannot touch are as far apart as is looked"
 
 
 def test_a_peg_from_a_file_in_the_built_in_hole(files):

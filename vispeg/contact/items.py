@@ -47,7 +47,7 @@ def driven(
         windows: ranges of the path's samples; None for those of the item.
     """
     hand_worlds = [hand_world(item.source.believed, w) for w in worlds]
-    wrench = np.stack([true_wrench(item.path, item.armless, w) for w in hand_worlds])
+    wrench = np.stack([true_wrench(item.path, w) for w in hand_worlds])
     windows = item.phase.windows if windows is None else windows
     cell, rest, off = item.source.scene, item.phase.rest, arm_displacement(item, hand_worlds, wrench)
     gain = _true_per_read(item, worlds)
@@ -59,7 +59,7 @@ def driven(
 def _true_per_read(item: ContactItem, worlds: Sequence[World]) -> np.ndarray:
     """Return for each world the change of the true force per newton of change in the reading, (nworld,)."""
     hand_worlds = [hand_world(item.source.believed, w) for w in worlds]
-    return np.array([true_per_read(item.path, item.armless, w) for w in hand_worlds])
+    return np.array([true_per_read(item.path, w) for w in hand_worlds])
 
 
 def path_response(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.ndarray:
@@ -76,7 +76,7 @@ def path_response(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.nd
     """
     off = np.diag(np.repeat([RULES.kinematics_place, RULES.kinematics_turn], 3))
     world = hand_world(item.source.believed, World())
-    wrench = np.repeat(true_wrench(item.path, item.armless, world)[None], 6, axis=0)
+    wrench = np.repeat(true_wrench(item.path, world)[None], 6, axis=0)
     phase, scenes = item.phase, (item.armless, item.source.scene)
     per_read = _true_per_read(item, [World()] * 6)
     out = drive(*scenes, item.path, [world] * 6, wrench, phase.rest, phase.windows, nthread, off, per_read=per_read)
@@ -99,7 +99,7 @@ def reading_response(item: ContactItem, nominal: Driven, nthread: int = 1) -> np
         (m, 6, 6): block, component of the residual, component of the wrench that is read too large after the rest.
     """
     size, world = np.repeat([PUSH, LEVER * PUSH], 3), hand_world(item.source.believed, World())
-    wrench = np.repeat(true_wrench(item.path, item.armless, world)[None], 6, axis=0)
+    wrench = np.repeat(true_wrench(item.path, world)[None], 6, axis=0)
     per_read, phase = _true_per_read(item, [World()] * 6), item.phase
     more = np.zeros_like(wrench)
     more[:, phase.rest.stop :] = (np.diag(size) * per_read[0])[:, None]

@@ -14,7 +14,6 @@ from vispeg.identify.channels import shows
 from vispeg.recordings.cell import reaction
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
-from vispeg.robots.scene import Scene
 from vispeg.worlds.world import World
 
 REACH = 0.8  # m, converts joint angles to the flange's position
@@ -25,7 +24,7 @@ def hand_world(believed: World, world: World) -> World:
     return believed.add(*world.effects).only(lambda e: shows(effect(e.effect), "wrench"))
 
 
-def true_wrench(path: Path, scene: Scene, world: World) -> np.ndarray:
+def true_wrench(path: Path, world: World) -> np.ndarray:
     """Return the true wrench on the tool (n, 6) N, N m, if the sensor has the errors that it has in the world."""
     wrench = reaction(path.wrench)
     placed = [(effect(e.effect), e.params) for e in world.effects]
@@ -35,12 +34,12 @@ def true_wrench(path: Path, scene: Scene, world: World) -> np.ndarray:
     return reaction(wrench)
 
 
-def true_per_read(path: Path, scene: Scene, world: World) -> float:
+def true_per_read(path: Path, world: World) -> float:
     """Return the true force change per newton of a constant reading."""
     if not any(effect(e.effect).overrides("wrench") for e in world.effects):
         return 1.0
     constant = replace(path, wrench=np.ones_like(path.wrench))
-    more = true_wrench(replace(path, wrench=2 * constant.wrench), scene, world) - true_wrench(constant, scene, world)
+    more = true_wrench(replace(path, wrench=2 * constant.wrench), world) - true_wrench(constant, world)
     return float(more.mean())
 
 

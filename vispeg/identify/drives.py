@@ -106,7 +106,7 @@ class Drives:
     Its truth value is False if no recording has a known drive torque; the arrays below are then missing.
 
     Args:
-        recordings: at least one; those without a known drive torque are left out.
+        recordings: of one arm; those without a known drive torque are left out.
 
     Attributes:
         recordings: those with a known drive torque.
@@ -122,8 +122,7 @@ class Drives:
     def __init__(self, recordings: Sequence[Recording]):
         known = {i: d for i, d in enumerate(map(with_drive_torque, recordings)) if d is not None}
         self.recordings = [recordings[i] for i in known]
-        nj = len(recordings[0].joints)
-        self.evidence = TorqueEvidence([*known.values()], np.ones(nj)) if known else None
+        self.evidence = TorqueEvidence([*known.values()], np.ones(len(recordings[0].joints))) if known else None
         self.items = [] if self.evidence is None else self.evidence.items
         self.which = [*range(len(self.items))]
         self.measured = all(r.control.mode in ("unknown", "servo") for r in recordings)

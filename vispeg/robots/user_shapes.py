@@ -323,4 +323,4 @@ def gap(model: mujoco.MjModel, flange: np.ndarray) -> float:
     for g in pegs:
         mujoco.mju_quat2Mat(turn, model.geom_quat[g])
         data.geom_xpos[g], data.geom_xmat[g] = flange + down @ model.geom_pos[g], (down @ turn.reshape(3, 3)).ravel()
-    return min(mujoco.mj_geomDistance(model, data, int(a), int(b), 0.05, None) for a, b in meet)
+    return min((mujoco.mj_geomDistance(model, data, int(a), int(b), 0.05, None) for a, b in meet), default=0.05)

@@ -37,7 +37,7 @@ def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
     """
     path, phase, rec = item.path, item.phase, item.recording
     world = hand_world(item.source.believed, World())
-    wrench = true_wrench(path, item.armless, world)[None]
+    wrench = true_wrench(path, world)[None]
     rng = stream(0, "contact floor")
     place, rate = _noisy(once.place[0], path.time, path.clock, float(np.mean(noise_of(rec)["q"])) * REACH, rng)
     read = wrench[0] - once.zero + np.nan_to_num(once.correction[0])
