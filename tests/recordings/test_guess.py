@@ -57,7 +57,10 @@ def test_what_is_not_used_and_what_more_knowledge_buys_is_said(tmp_path, capsys)
         *((name, "tau", "N m") for name in ("M1 [N·m]", "M1 [N-m]", "torque_1 (N m)")),
         *((name, quantity, "") for name, quantity in (("q_s_1", "q"), ("motor_1_torque_s_2", "tau"), ("J1_s2", ""))),
         ("s", "", "s"),
-        ("tcp_speed [m/s]", "tool", ""),
+        ("tcp_speed [m/s]", "tool", "m/s"),
+        *((name, "", "m/s") for name in ("m_s", "ee_v_m_s")),
+        ("x_mm_s", "", "mm/s"),
+        ("tau_n_m", "tau", "N m"),
     ],
 )
 def test_units_in_names(name, quantity, unit):

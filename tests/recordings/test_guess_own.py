@@ -61,6 +61,7 @@ def test_speeds_of_the_tool_are_not_those_of_the_joints(tmp_path, capsys):
         ("Motor voltage {} (V)", 1, "voltage", "V"),
         ("humidity_{}[%]", 1, "humidity", "%"),
         ("brakeWear_{}", 1, "brake_wear", "unknown"),
+        ("slip_{}_m_s", 1, "slip", "m/s"),
     ],
 )
 @pytest.mark.filterwarnings("ignore:.*torque_sensor")

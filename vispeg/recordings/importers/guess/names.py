@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from operator import itemgetter
 
-UNITS = (  # as patterns between separators; the first match counts, so rad/s stands before rad and s
+UNITS = (  # as patterns between separators; the longest match counts
     ("rad/s", r"rad[_/]?s|radps|rad_per_s(ec)?|rad_sec"),
     ("deg/s", r"deg[_/]?s|degps|dps|deg_per_s(ec)?|deg_sec|°/s"),
     ("rpm", r"rpm"),
@@ -22,6 +23,8 @@ UNITS = (  # as patterns between separators; the first match counts, so rad/s st
     ("ns", r"ns|nsecs?|nanos|nanosec|nanoseconds?"),
     ("s", r"secs?|seconds?"),
     ("mm", r"mm"),
+    ("m/s", r"m[_/]s|mps|m_per_s(ec)?"),
+    ("mm/s", r"mm[_/]s|mm_per_s(ec)?"),
 )
 LONE_S = r"[\[({]\s*s\s*[\])}]|(?<![a-z0-9µ°/])s(?=[\s\])}]*$)"  # in brackets, or at the end of a name
 TIMES = {"ms", "us", "ns", "s"}
@@ -71,7 +74,7 @@ class Meaning:
         name: the column.
         quantity: q, dq, tau, time, episode, or a key of OTHER; empty if the name tells none.
         commanded: True for commanded, False for measured, None if the name does not tell.
-        unit: of `importers.mapping.FACTORS`, or empty.
+        unit: of `importers.mapping.FACTORS` or `UNITS`, or empty.
         label: the rest of the name, which identifies the joint.
         said: what states the quantity: a word of the name, or its unit in brackets.
     """
@@ -152,13 +155,15 @@ def split(name: str) -> list[str]:
 def _unit(name: str) -> tuple[str, str]:
     """Return the unit in a name, and the name without it. A lone `s` is a unit in brackets or at the end of a name."""
     flat = re.sub(r"[\s\[\](){}.,:]+", "_", name.lower())
-    for unit, pattern in UNITS:
-        matches = list(re.finditer(rf"(?<![a-z0-9µ°])({pattern})(?![a-z])", flat))
-        if matches:
-            start, end = matches[-1].span()
-            if len(flat) == len(name):
-                return unit, name[:start] + "_" + name[end:]
-            return unit, flat[:start] + "_" + flat[end:]
+    hits = [
+        (end - start, unit, start, end)
+        for unit, pattern in UNITS
+        for start, end in [hit.span() for hit in re.finditer(rf"(?<![a-z0-9µ°])({pattern})(?![a-z])", flat)][-1:]
+    ]
+    if hits:
+        _, unit, start, end = max(hits, key=itemgetter(0))
+        whole = name if len(flat) == len(name) else flat
+        return unit, whole[:start] + "_" + whole[end:]
     if hit := re.search(LONE_S, name.lower()):
         return "s", name[: hit.start()] + "_" + name[hit.end() :]
     return "", name
