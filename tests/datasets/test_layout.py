@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 from rendered import EYE, LAYOUT, PLAN, frame, source
 
-from vispeg.datasets.layout import column, picture, plain
+from vispeg.datasets.layout import column, picture, schema
 from vispeg.datasets.shards.rendering import render
 
 
@@ -127,10 +127,14 @@ def test_hugging_face_knows_arrays(folder):
     assert features["label.parts.eye"] == {"shape": [8, 12], "dtype": "uint8", "_type": "Array2D"}
 
 
+@pytest.mark.parametrize("shape", [(1,), (3,), (2, 3)])
 @pytest.mark.parametrize("dtype", ["bool", "uint8", "int64", "float32", "float64"])
-def test_a_column_is_what_pyarrow_makes_of_its_values(dtype):
-    values = np.arange(33)[::3].astype(dtype)
-    assert plain(values).equals(pa.array(values))
+def test_a_column_is_what_pyarrow_makes_of_its_values(dtype, shape):
+    values = np.arange(7 * np.prod(shape)).reshape(7, *shape).astype(dtype)
+    feature = {"dtype": dtype, "shape": list(shape), "names": None}
+    made = column(feature, values)
+    assert made.type == schema({"x": feature}).field("x").type
+    assert made.to_pylist() == (values[:, 0] if shape == (1,) else values).tolist()
 
 
 def test_pictures_are_bytes_without_a_path():

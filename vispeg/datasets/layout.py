@@ -225,32 +225,20 @@ def column(feature: Feature, values: Any) -> pa.Array:
     import pyarrow as pa
 
     if is_image(feature):
-        ends = np.cumsum([0, *map(len, values)], dtype=np.int32)
-        parts = [None, pa.py_buffer(ends), pa.py_buffer(b"".join(values))]
-        pictures = pa.Array.from_buffers(pa.binary(), len(values), parts)
-        nowhere = pa.Array.from_buffers(pa.null(), len(values), [None]).cast(pa.string())
-        return pa.StructArray.from_arrays([pictures, nowhere], ["bytes", "path"])
+        pictures = pa.array(values, pa.binary())
+        return pa.StructArray.from_arrays([pictures, pa.nulls(len(values), pa.string())], ["bytes", "path"])
     shape = tuple(feature["shape"])
-    flat = plain(np.asarray(values, feature["dtype"]).reshape(-1))
+    flat = pa.array(np.asarray(values, feature["dtype"]).reshape(-1))
     if len(shape) == 2:
         rows = pa.ListArray.from_arrays(_ends(len(values) * shape[0], shape[1]), flat)
         return pa.ListArray.from_arrays(_ends(len(values), shape[0]), rows)
     return flat if shape == (1,) else pa.FixedSizeListArray.from_arrays(flat, shape[0])
 
 
-def plain(values: np.ndarray) -> pa.Array:
-    """Return numbers (n,) as an Arrow array without copying them.
-
-    `pyarrow.array` gives the same, but imports pandas, which takes longer than to write a small file.
-    """
+def _ends(count: int, each: int) -> pa.Array:
     import pyarrow as pa
 
-    bits = np.packbits(values, bitorder="little") if values.dtype == bool else np.ascontiguousarray(values)
-    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, pa.py_buffer(bits)])
-
-
-def _ends(count: int, each: int) -> pa.Array:
-    return plain(np.arange(0, count * each + 1, each, dtype=np.int32))
+    return pa.array(np.arange(0, count * each + 1, each, dtype=np.int32))
 
 
 class Packing(TypedDict):
