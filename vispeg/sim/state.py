@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import mujoco
@@ -55,9 +54,8 @@ class Fields:
         return self._batch.expand(name)
 
 
-@lru_cache(maxsize=64)  # models and robots are hashed by identity
 def _addresses(model: Any, robot: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[int], tuple]:
-    """Return `joints`, `dofs`, `qposes`, `links` and `flange` of `Fields`; callers must not change them."""
+    """Return `joints`, `dofs`, `qposes`, `links` and `flange` of `Fields`."""
     joints = np.array([model.joint(j).id for j in robot.joints])
     dofs = np.array([model.joint(j).dofadr[0] for j in robot.joints])
     qposes = np.array([model.joint(j).qposadr[0] for j in robot.joints])

@@ -93,7 +93,6 @@ class Searching(Testing, Protocol):
         places: Sequence[tuple[str, str]],
         missing: Sequence[MissingTorque],
         groups: Sequence[Sequence[tuple[str, str]]] = (),
-        several: bool = False,
     ) -> list[Score]:
         """Return the scores of places and groups when added to a world, best first; see `Proposals.screened`."""
         ...
