@@ -5,9 +5,9 @@ import json
 import pytest
 from typed_record import mistakes
 
-from vispeg.api.bridging import diagnosis_of
 from vispeg.cli.main import main
 from vispeg.evaluation.bridge import HARMLESS, NOT_SHOWN, UNBRIDGEABLE, bridge, matters
+from vispeg.evaluation.bridging import diagnosis_of
 from vispeg.evaluation.prices import Prices, ranked, steps, training_of
 from vispeg.evaluation.schema.explain import ExplainRecord
 from vispeg.evaluation.statistics import Estimate, tango

@@ -12,8 +12,6 @@ from typing import Any
 
 import yaml
 
-from vispeg.api.bridging import Asked, Bridging, Prices, diagnosis_of, recordings_of
-from vispeg.api.bridging import said as bridged
 from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
 from vispeg.api.run import opened
 from vispeg.api.stress.result import Stressed
@@ -24,6 +22,8 @@ from vispeg.core.files import write_text_atomic
 from vispeg.core.several import several
 from vispeg.evaluation import explain as why
 from vispeg.evaluation import runner, senses
+from vispeg.evaluation.bridging import Asked, Bridging, Prices, diagnosis_of, recordings_of
+from vispeg.evaluation.bridging import said as bridged
 from vispeg.evaluation.explain import CLOSED, OPEN, TOGETHER
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Job, Setting, make_jobs

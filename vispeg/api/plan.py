@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from vispeg.api.bridging import tolerance_mm
 from vispeg.core.errors import UserError
+from vispeg.evaluation.bridging import tolerance_mm
 from vispeg.evaluation.outlook import Outlook, outlook
 from vispeg.report.text.summary import Block, Line, html
 from vispeg.report.text.tables import Column, Sheet
