@@ -92,6 +92,18 @@ def test_a_signal_whose_noise_cannot_be_told_is_said_to_stand_or_to_be_read_too_
             CHANNELS["current"].evidence(World("iiwa14"), ((replace(rec, signals=signals),), ()), How())
 
 
+def test_a_joint_that_was_never_read_has_no_error(sides, tmp_path):
+    """Its noise is stated, so that nothing need be told from the readings."""
+    rec = load(sides[0])
+    values = np.where(np.arange(7) == 3, np.nan, rec.signals["current"].values)
+    there = write(replace(rec, signals={"current": replace(rec.signals["current"], values=values)}), tmp_path / "rec")
+    asked = ["compare", "iiwa14", "--recording", str(there), "--channels", "current", "--out", str(tmp_path / "out")]
+    assert main(asked) == 0
+    joints = {row["joint"]: row for row in json.loads((tmp_path / "out/compare.json").read_text())["joints"]}
+    assert joints["joint4"]["error"] is None and joints["joint4"]["times_floor"] is None
+    assert joints["joint3"]["times_floor"] == pytest.approx(joints["joint3"]["error"] / SIGMA)
+
+
 def test_it_is_looked_in_beside_the_joints(sides):
     both = [(load(side),) for side in sides]
     assert available(World("iiwa14"), *both) == resolve(World("iiwa14"), *both) == ("joints", "current")

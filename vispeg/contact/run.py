@@ -36,7 +36,16 @@ from vispeg.diagnosis.conclusion.intervals import of_form, widened
 from vispeg.diagnosis.conclusion.rivals import find_rivals
 from vispeg.diagnosis.conclusion.verdict import decide
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.record import candidates, correlations, effects, ladder, moved, screening, with_origin
+from vispeg.diagnosis.record import (
+    candidates,
+    correlations,
+    effects,
+    joint_errors,
+    ladder,
+    moved,
+    screening,
+    with_origin,
+)
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.schema import ComparisonRecord, DiagnosisRecord
 from vispeg.diagnosis.selection.judge import Judge
@@ -157,11 +166,7 @@ def compare_contact(
         "ladder": [{"model": label or world.label, "fit_error": None, "heldout_error": error, "unit": "N RMS"}],
         "noise_floor": {"value": evidence.floor, "unit": "N RMS", "from": evidence.floor_from},
         "chi2": float(residual @ residual / max(evidence.count, 1)),
-        "joints": [
-            {"joint": r["joint"], "error": r["before"], "floor": r["floor"], "unit": r["unit"],
-             "times_floor": r["before"] / r["floor"]}
-            for r in rows
-        ],
+        "joints": joint_errors(rows),
         "where_it_fails": where_it_fails(evidence, predicted),
         "phases": phase_errors(evidence, predicted),
         "recordings": {"fit": [], "validate": [r.name for r in recordings]},

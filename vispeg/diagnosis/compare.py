@@ -95,7 +95,8 @@ Pairs = Sequence[tuple[Item, np.ndarray]]  # each item that did not diverge, wit
 def _error(pairs: Pairs) -> float | None:
     """Return the RMS over joints of their RMS errors in the items that did not diverge; None if all diverged."""
     joints = [_rms(pairs, j) for j in range(pairs[0][0].nj)] if pairs else []
-    return float(np.sqrt(np.mean(np.square(joints)))) if joints else None
+    known = [error for error in joints if error is not None]
+    return float(np.sqrt(np.mean(np.square(known)))) if known else None
 
 
 def _joints(evidence: Evidence, pairs: Pairs) -> list[JointError]:
@@ -105,7 +106,7 @@ def _joints(evidence: Evidence, pairs: Pairs) -> list[JointError]:
     """
     out: list[JointError] = []
     for j, joint in enumerate(evidence.items[0].robot.joints):
-        error, floor = _rms(pairs, j) if pairs else None, float(evidence.floors[j])
+        error, floor = _rms(pairs, j), float(evidence.floors[j])
         row: JointError = {
             "joint": joint,
             "error": error,
@@ -115,18 +116,18 @@ def _joints(evidence: Evidence, pairs: Pairs) -> list[JointError]:
         }
         beside = {i.beside for i in evidence.items}
         if beside == {"torque"}:
-            row["torque_error"] = _rms(pairs, j + evidence.items[0].nj) if pairs else None
+            row["torque_error"] = _rms(pairs, j + evidence.items[0].nj)
         elif beside == {"load"}:
-            row["load_error"] = _rms(pairs, j + evidence.items[0].nj) if pairs else None
+            row["load_error"] = _rms(pairs, j + evidence.items[0].nj)
         out.append(row)
     return out
 
 
-def _rms(pairs: Pairs, channel: int) -> float:
-    """Return the RMS error in one column of the measured values, over all pairs."""
+def _rms(pairs: Pairs, channel: int) -> float | None:
+    """Return the RMS error in one column of the measured values, over all pairs; None if it was never read."""
     total, count = 0.0, 0
     for item, y in pairs:
         valid = item.valid[:, channel]
         total += float(np.sum((item.measured[valid, channel] - y[0][valid, channel]) ** 2))
         count += int(valid.sum())
-    return float(np.sqrt(total / max(count, 1)))
+    return float(np.sqrt(total / count)) if count else None

@@ -17,6 +17,7 @@ from vispeg.diagnosis.record import (
     channels,
     correlations,
     effects,
+    joint_errors,
     ladder,
     moved,
     screening,
@@ -48,11 +49,7 @@ def compare_plain(evidence: Evidence, world: World, label: str) -> Comparison:
         "ladder": [{"model": label, "fit_error": None, "heldout_error": error, "unit": unit}],
         "noise_floor": {"value": evidence.floor, "unit": unit, "from": evidence.floor_from},
         "chi2": float(residual @ residual / max(evidence.count, 1)),
-        "joints": [
-            {"joint": r["joint"], "error": r["before"], "floor": r["floor"], "unit": r["unit"],
-             "times_floor": r["before"] / r["floor"]}
-            for r in rows
-        ],
+        "joints": joint_errors(rows),
         "where_it_fails": [],
         "recordings": {"fit": [], "validate": [r.name for r in evidence.recordings]},
         "notes": list(evidence.notes),

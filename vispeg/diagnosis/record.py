@@ -16,7 +16,7 @@ import numpy as np
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.beginning import ANEW
 from vispeg.diagnosis.findings import Rivals, Score, Trial
-from vispeg.diagnosis.schema import Candidate, Channel, Correlations, FoundEffect, Moved, Rung
+from vispeg.diagnosis.schema import Candidate, Channel, Correlations, FoundEffect, JointError, Moved, Rung
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.checks.quality import quantization
@@ -198,6 +198,16 @@ def moved(state: State) -> list[Moved]:
                         {"effect": e.effect, "where": e.where, "param": name, "before": v.value,
                          "after": later.params[name].value}
                     )  # fmt: skip
+    return out
+
+
+def joint_errors(rows: Sequence[Channel]) -> list[JointError]:
+    """Return the errors of a comparison from its `channels`; a column that was never read has none, and no noise."""
+    out: list[JointError] = []
+    for row in rows:
+        error, floor = (row["before"], row["floor"]) if row["floor"] > 0 else (None, 0.0)
+        times = None if error is None else error / floor
+        out.append({"joint": row["joint"], "error": error, "floor": floor, "unit": row["unit"], "times_floor": times})
     return out
 
 
