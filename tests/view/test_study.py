@@ -150,6 +150,16 @@ def test_a_killed_one_goes_on_where_it_stood(rigs, by_hand):
     assert again.part == made.part and again.state.world == made.state.world and again.rungs == made.rungs
 
 
+def test_a_search_that_ended_and_was_killed_has_its_last_values(rigs, tmp_path):
+    """Those of the command, fitted at the judge's step; the steps can still be taken back."""
+    made = study(rigs, tmp_path)
+    made.run()
+    again = study(rigs, tmp_path)
+    assert again.state.world == made.state.world and again.rungs == made.rungs
+    again.undo()
+    assert again.state.world.effects == () and json.loads((again.part / STEPS).read_text())["steps"] == []
+
+
 def test_another_search_in_the_same_folder_keeps_to_a_folder_of_its_own(rigs, by_hand, tmp_path):
     made, _ = by_hand
     other = tmp_path / "model.yaml"
