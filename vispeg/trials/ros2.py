@@ -138,14 +138,15 @@ class Link:
 
     def __init__(self, name: str, topics: Topics):
         try:
-            modules = ("rclpy", *(f"rclpy.{m}" for m in ("signals", "qos", "executors", "time")))
+            modules = ("rclpy", *(f"rclpy.{m}" for m in ("signals", "qos", "executors", "time", "duration")))
             modules += ("sensor_msgs.msg", "geometry_msgs.msg")
-            rclpy, signals, qos, executors, times, self.sensor, self.geometry = map(importlib.import_module, modules)
+            rclpy, signals, qos, executors, times, durations, *kinds = map(importlib.import_module, modules)
+            self.sensor, self.geometry = kinds
         except ImportError as error:
             what = f"ROS 2 needs {error.name or 'rclpy'}, which this Python does not have"
             expected = f"ROS 2's setup.bash sourced, or {PIP} (Python 3.11 or 3.12)"
             raise UserError(what, key="--robot", expected=expected) from error
-        self._time = times.Time
+        self._time, self._duration = times.Time, durations.Duration
         os.environ.setdefault(RANGE, "LOCALHOST")
         self._newest = qos.QoSProfile(
             depth=1, reliability=qos.ReliabilityPolicy.BEST_EFFORT
@@ -180,6 +181,10 @@ class Link:
     def speak(self, kind: type, topic: str) -> Any:
         """Return a publisher whose quality of service suits reliable and best-effort subscribers."""
         return self.node.create_publisher(kind, topic, 1)
+
+    def sent(self, publisher: Any, wait: float) -> bool:
+        """Wait until every reliable subscriber has a publisher's last message, at most `wait` s; return whether."""
+        return publisher.wait_for_all_acked(self._duration(seconds=wait))
 
     def stamp(self, moment: float) -> Any:
         """Return a time, s since 1970, as a ROS 2 time message."""
@@ -352,10 +357,12 @@ class Ros2Robot:
         link = self._link
         if self._target is None:
             self._target = link.speak(link.geometry.PoseStamped, self.topics.target_pose)
-            until = time.monotonic() + LISTENS
-            while not self._target.get_subscription_count() and time.monotonic() < until:
+            until, name = time.monotonic() + LISTENS, self._target.topic_name
+            # a subscriber that is known, but not connected yet, would miss the first pose
+            while self._target.get_subscription_count() < max(1, link.node.count_subscribers(name)):
+                if time.monotonic() > until:
+                    break
                 time.sleep(0.001)
-            name = self._target.topic_name
             if not self._target.get_subscription_count():
                 raise UserError(
                     "nobody listens", key=name, expected="a controller that holds geometry_msgs/PoseStamped"
@@ -378,7 +385,9 @@ class Ros2Robot:
             self._send(self._flange(np.array(message.position, float)[self._orders[tuple(message.name)]]))
 
     def close(self) -> None:
-        """Shut down the node."""
+        """Shut down the node, once the pose at which the arm stops has arrived."""
+        if self._target is not None:
+            self._link.sent(self._target, LISTENS)
         self._link.close()
 
 
