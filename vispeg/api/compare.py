@@ -121,10 +121,10 @@ def compare(
     lead = compared.pop(min(compared, key=lambda name: CHANNELS[name].lead))
     record: ComparisonRecord = {**lead.record, "provenance": inputs.provenance(None)}
     arrays = dict(lead.arrays)
-    if "pictures" in compared:
-        seen_too = compared.pop("pictures")
-        record["pictures"] = seen_too.record.get("pictures", {})
-        arrays |= seen_too.arrays
+    for seen_too in (lead, *(compared.pop(name) for name in [*compared] if compared[name].pictures)):
+        if seen_too.pictures:
+            record["pictures"] = seen_too.pictures
+            arrays |= seen_too.arrays
     if compared:
         record["by_channel"] = [
             {"channel": name, "given": [], "record": other.record} for name, other in compared.items()

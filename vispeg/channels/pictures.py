@@ -76,9 +76,8 @@ class Pictures(Channel):
             "ladder": [rung],
             "recordings": {"fit": [], "validate": [rec.name for rec in recordings]},
             "notes": [note],
-            "pictures": said,
         }
-        return Comparison(record, drawn)
+        return Comparison(record, drawn, said)
 
     def diagnose(self, world: World, both: Both, how: How) -> Diagnosis:
         """Find the effects that pictures show and the model lacks: of cameras, of light, and of the arm's angles."""

@@ -5,8 +5,8 @@ It says how large the errors are over the noise, at which joint, and in which re
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -25,10 +25,16 @@ from vispeg.worlds.world import World
 
 @dataclass(frozen=True)
 class Comparison:
-    """The record (compare.json) and the arrays behind its pictures."""
+    """The record (compare.json), the arrays behind its pictures, and what cameras saw.
+
+    Attributes:
+        pictures: `pictures` of compare.json, which also stands beside another channel's record; empty if no camera's
+            pictures were compared.
+    """
 
     record: ComparisonRecord
     arrays: dict[str, np.ndarray]
+    pictures: Mapping[str, object] = field(default_factory=dict)
 
 
 def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, label: str | None = None) -> Comparison:
