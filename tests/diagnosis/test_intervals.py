@@ -111,3 +111,12 @@ def test_nothing_to_explain_is_no_share():
 def test_the_share_that_remains_does_not_depend_on_the_noise(floor):
     """Coarse encoders and noise that is fed back are in both errors; a hundredth of the rest remains, in squares."""
     assert share_left(floor + 100.0, floor + 1.0, floor) == pytest.approx(0.1)
+
+
+def test_no_end_of_an_interval_moves_inwards():
+    """An interval on a log scale that reaches a bound on one side keeps its ends where no error is added."""
+    world = one("torque_limit", "limit", 20.0, 10.0, 21.0)
+    for error in (0.0, 0.02, 1.0):
+        v = widened(world, [0], lambda index, name, error=error: error).effects[0].params["limit"]
+        assert v.low <= 10.0 * (1 + 1e-12) and v.high >= 21.0 * (1 - 1e-12)
+        assert np.log(v.high / v.value) == pytest.approx(np.hypot(np.log(21.0 / 20.0), error))

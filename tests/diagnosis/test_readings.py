@@ -61,6 +61,13 @@ def test_one_step_in_all_joints_is_one_effect(recordings):
     assert placed.where == "all" and placed.params["step"].value == pytest.approx(STEP, rel=1e-6)
 
 
+def test_steps_that_are_multiples_of_one_another_stay_apart(recordings):
+    """Encoders that differ by a bit: readings of the coarse ones lie on the grid of the fine ones, too."""
+    steps = {j: STEP * (2 if k > 3 else 1) for k, j in enumerate(recordings[0].joints)}
+    read = gridded(World(), rounded(recordings, **steps))
+    assert {e.where: e.params["step"].value for e in read} == pytest.approx(steps, rel=1e-6)
+
+
 def test_joints_at_rest_have_no_say_and_unlike_steps_stay_apart(recordings):
     joints = recordings[0].joints
     coarse = rounded(recordings, **dict.fromkeys(joints, STEP))

@@ -99,7 +99,7 @@ class Result(ABC):
             said = "; ".join(" ".join(filter(None, (str(cell).strip() for cell in row))) for row in first.rows)
         else:
             said = "" if first is None else first.text
-        return f"<{type(self).__name__}: {said if len(said) < LONGEST else f'{said[:LONGEST]} ...'}>"
+        return f"<{type(self).__name__}: {said if len(said) <= LONGEST else f'{said[:LONGEST]} ...'}>"
 
     def _repr_html_(self) -> str:
         return html(self.summary)

@@ -200,7 +200,7 @@ def resume(run: str | Path, steps: int | None = None, *, show: bool = False) -> 
     from vispeg.learn import train as running
     from vispeg.learn.config import read_config
 
-    folder = Path(run)
+    folder = Path(run).expanduser()
     best = running.resume(folder, steps, show=show)
     config = read_config(folder / "config.yaml")
     return TrainedPolicy(folder, best, config.world, config.settings)

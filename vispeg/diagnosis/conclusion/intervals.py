@@ -18,7 +18,8 @@ Error = Callable[[int, str], float]  # (index of an effect in the world, paramet
 
 
 def share_left(before: float, after: float, floor: float = 1.0) -> float:
-    """Return the ratio of the excess amplitudes over `floor`, after to before; 0 if there was nothing to explain."""
+    """Return the ratio of the excess amplitudes over `floor`, after to before; 0 if there was nothing to explain
+    or nothing was explained."""
     if before <= max(floor, after):
         return 0.0
     return float(np.sqrt(max(after - floor, 0.0) / (before - floor)))
@@ -68,11 +69,13 @@ def of_form(evidence: Evidence, fit: Fit | None, before: float, after: float, fl
     """Return the errors of fitted values in a model whose form is wrong.
 
     Args:
-        evidence: of the fit; where its solver's chatter (`rough`) makes derivatives noise, errors are proportional.
+        evidence: of the fit; if its simulation is not smooth (`rough`), derivatives are noise, and errors are
+            proportional to the values.
         fit: the values; None if nothing was fitted.
         before, after: mean squared whitened residual of the held-out recordings, without the fitted effects and with
             them; 1 is noise.
-        floor: the same of the right model; above 1 if encoders are coarse or the loop feeds noise back.
+        floor: mean squared whitened residual that even the right model would have; above 1 if encoders are coarse or
+            the loop feeds noise back.
     """
     if fit is None:
         return lambda index, name: 0.0
@@ -83,7 +86,7 @@ def of_form(evidence: Evidence, fit: Fit | None, before: float, after: float, fl
 def widened(world: World, free: Iterable[int], error: Error) -> World:
     """Return the world with the intervals of the effects at `free` widened by an error of the form.
 
-    Towards null it acts on a log scale of the distance from it, so that an interval that excludes null still does so.
+    The end nearer to null moves on a log scale of its distance from null. So an interval that excludes null still does.
     """
     effects = list(world.effects)
     for i in free:
@@ -98,8 +101,8 @@ def _wider(v: Value, p: Param, error: float) -> Value:
         return v
     null = p.origin
     if p.scale == "log":
-        half = np.hypot(np.log(v.high / v.low) / 2, error)
-        ends = v.value * np.exp([-half, half])
+        below, above = np.log([v.value / v.low, v.high / v.value])
+        ends = v.value * np.exp([-np.hypot(below, error), np.hypot(above, error)])
     elif v.low <= null <= v.high:
         ends = np.array([v.value - np.hypot(v.value - v.low, error), v.value + np.hypot(v.high - v.value, error)])
     else:

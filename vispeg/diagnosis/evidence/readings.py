@@ -37,19 +37,20 @@ def gridded(world: World, recordings: Sequence[Recording]) -> tuple[EffectInstan
         (param,) = kind.magnitudes
         has = {e.where for e in world.effects if e.effect == name}
         places = {joints[j]: ([j], s) for j, s in steps.items() if s and joints[j] not in has and ALL not in has}
-        common = float(np.median(list(steps.values()))) if steps else 0.0
+        known = [s for s in steps.values() if s]
+        common = float(np.median(known)) if known else 0.0
         if (
             common
             and not has
             and len(steps) > 1
+            and all(abs(s - common) < RULES.grid_off * common for s in known)  # multiples are on its grid, too
             and all(on_grid(r.q[:, j], common) for j, m in moved.items() for r in m)
         ):
             places = {ALL: (list(steps), common)}
         for where, (rows, step) in places.items():
             if step <= kind.params[param].high:
-                width = (
-                    RULES.grid_off * step**2 / max(float(np.nanmax(np.abs(r.q[:, j]))) for j in rows for r in moved[j])
-                )
+                widest = max(float(np.nanmax(np.abs(r.q[:, j]))) for j in rows for r in moved[j])
+                width = RULES.grid_off * step**2 / widest  # that much more, and the widest reading is off the grid
                 placed = EffectInstance.of(name, where, **{param: step})
                 value = Value(step, step - width, step + width)
                 out.append(EffectInstance(name, where, {**placed.params, param: value}))
@@ -62,17 +63,18 @@ def moves(values: np.ndarray) -> bool:
 
 
 def common_step(recordings: Sequence[Recording], joint: int) -> float:
-    """Return the step in rad of joint number `joint` in all these recordings; 0 if there is none well above noise."""
+    """Return the step in rad of joint number `joint` in all these recordings; 0 if there is none, or it
+    is not `RULES.grid_step` times the noise."""
     if any(quantization(r.q[:, joint]) is None for r in recordings):
         return 0.0
     widest = max((r.q[:, joint] for r in recordings), key=lambda q: float(np.nanmax(np.abs(q))))
     step = refined(widest, quantization(widest) or 0.0)
-    louder = all(step > RULES.grid_step * noise_of(r)["q"][joint] for r in recordings)
-    return step if louder and all(on_grid(r.q[:, joint], step) for r in recordings) else 0.0
+    clear = all(step > RULES.grid_step * noise_of(r)["q"][joint] for r in recordings)
+    return step if clear and all(on_grid(r.q[:, joint], step) for r in recordings) else 0.0
 
 
 def refined(values: np.ndarray, step: float) -> float:
-    """Refine a step by least squares over values (n,), small ones first: their integer multiples are certain."""
+    """Refine a step by least squares over values (n,), small ones first: their number of steps is certain."""
     values = values[np.isfinite(values)]
     for share in (0.1, 0.3, 1.0):
         small = values[np.abs(values) <= share * np.abs(values).max()]

@@ -62,7 +62,7 @@ def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
     most = evidence.recordings[int(np.argmax(means))]
     judge = [r for r in loud if r is not most][-1]
     rest = [r for r in evidence.recordings if r is not judge]
-    note = f"nothing that the model lacks shows in {names}, so {judge.name} judges and {names} is fitted"
+    note = f"nothing that the model lacks shows in {names}, so {judge.name} judges, and fitted is {names}"
     return Roles([*rest, *judged.recordings], [judge], note)
 
 

@@ -1,11 +1,12 @@
 """Backward deletion: remove effects that are superfluous once others have been added.
 
-The fit without an effect is predicted from the derivatives. So each effect is tested on the fitted recordings without a
-rollout (cross-fitted) and on the held-out ones with one; only a removal costs a fit. First, members of groups that are
+The fit without an effect is predicted from the derivatives. So the test of an effect needs no fit: on the fitted
+recordings it uses the predicted residual (cross-fitted), on the held-out ones one rollout. A fit is made only when
+something is removed. First, members of groups that are
 useless on the fitted recordings are removed together, unless the held-out error then rises beyond chance. Then effects
-that the held-out recordings do not need are removed one by one. An effect that lowers the held-out error beyond chance
-but by no visible share stays, is not named (`State.slight`), and is removed only if it may be absent and removes next
-to nothing. The first `n_fixed` effects of a world are not fitted and stay.
+that the held-out recordings do not need are removed one by one. An effect that lowers the held-out error beyond chance,
+but by no visible share, is removed only if its interval includes null and it lowers the error by next to nothing.
+Otherwise it stays unnamed (`State.slight`). The first `n_fixed` effects of a world are not fitted and stay.
 """
 
 from __future__ import annotations
@@ -23,30 +24,30 @@ from vispeg.diagnosis.selection.state import State, without
 
 def prune(search: Searching, state: State, n_fixed: int) -> None:
     """Remove effects that are not needed, the least needed first, and refit the rest; at least one effect stays."""
-    spare = True
+    together = True
     while state.fit is not None and len(state.world.effects) - n_fixed > 1:
-        useless = _spare(search, state, n_fixed) if spare else []
-        dropped = useless or _refused(search, state, n_fixed)
+        useless = _useless_members(search, state, n_fixed) if together else []
+        dropped = useless or _least_needed(search, state, n_fixed)
         if not dropped:
             return
         gone = [state.world.effects[k] for k in dropped]
         world, columns = without(state.world, gone), state.derivatives(gone)
-        search.say(f"no longer needed: {', '.join(e.label for e in gone)}")
         (fit,) = search.fits([world], n_fixed, iterations=4, columns=[columns])
         loss = search.judge.losses([fit.world])[0]
         benefit = search.judge.gain(loss, state.loss)
-        # then the linear prediction was wrong
+        # if so, the prediction from derivatives was wrong, and nothing is removed
         worse = search.judge.mean(loss) > (1.0 + RULES.drop_rise) * search.judge.mean(state.loss)
         if worse or (useless and benefit.mean > 0 and benefit.z > RULES.drop_chance):
             if not useless:
                 return
-            spare = False
+            together = False
             continue
+        search.say(f"no longer needed: {', '.join(e.label for e in gone)}")
         state.take(fit, loss)
         state.cross = search.cross.loss_of(fit, fit.residual)
 
 
-def _spare(search: Searching, state: State, n_fixed: int) -> list[int]:
+def _useless_members(search: Searching, state: State, n_fixed: int) -> list[int]:
     """Return the indices of group members that are useless on the fitted recordings."""
     fit, gone = state.fit, []
     assert fit is not None
@@ -71,8 +72,8 @@ def _spare(search: Searching, state: State, n_fixed: int) -> list[int]:
     return gone
 
 
-def _refused(search: Searching, state: State, n_fixed: int) -> list[int]:
-    """Return the index, in a list, of the effect to remove that the held-out recordings need least; empty if none.
+def _least_needed(search: Searching, state: State, n_fixed: int) -> list[int]:
+    """Return a list with the index of the effect to remove, which held-out recordings need least; empty if none is.
 
     If it is empty, effects that stay although they remove no visible share are noted as `slight`.
     """
