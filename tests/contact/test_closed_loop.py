@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from vispeg.contact.again import last_judge
-from vispeg.contact.again.closed_loop import closed_loop
+from vispeg.contact.again.closed_loop import closed_loop, first_episode
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.params import Value
@@ -18,6 +18,7 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis.findings import Verdict
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.noise import NOISE
+from vispeg.recordings.recording import Signal
 from vispeg.robots.tools import CELL
 from vispeg.task.belief import believed
 from vispeg.task.rig.motions import CellMotion, Place
@@ -74,6 +75,25 @@ def test_only_what_can_be_run_again_is():
     replayed, said = closed_loop([gap], {"given": World()})
     assert not replayed
     assert said == ["not run again in closed loop: simulated: samples are not the controller's ticks; expected 500 Hz"]
+
+
+@pytest.mark.filterwarnings("ignore:All-NaN slice")
+def test_what_cannot_be_simulated_or_compared_is_a_message_and_no_error():
+    """A world that no longer exists, and a wrench without one of its axes: no contact force of it is known."""
+    rec, gone = insertion("tilted"), np.array([np.nan, 0, 0, 0, 0, 0])
+    nowhere, numb = replace(rec, cell=CellBelief("nowhere")), replace(rec, ft=rec.ft + gone)
+    for case, words in ((nowhere, "nowhere"), (numb, "no contact force is finite")):
+        replayed, said = closed_loop([case], {"given": World()})
+        assert not replayed and len(said) == 1 and words in said[0]
+
+
+def test_an_episode_is_cut_out_with_all_its_signals():
+    rec = insertion("tilted")
+    n = len(rec.time)
+    current = Signal(np.arange(n)[:, None] * np.ones(len(rec.joints)), "A")
+    whole = replace(rec, episode=np.arange(n) // 600, signals={"current": current})
+    first = first_episode(whole)
+    assert len(first.time) == len(first.q) == len(first.signals["current"].values) == 600
 
 
 SURE = Verdict("identified", "along the measured path")

@@ -25,7 +25,7 @@ from vispeg.task.belief import recorded_cell
 from vispeg.task.registry import task_of
 from vispeg.worlds.world import World
 
-MOST = 1  # largest number of episodes; 1 s of one takes about a third of a CPU second per model
+MOST = 1  # largest number of simulated episodes; 1 s of an episode takes a third of a CPU second per model
 
 
 def closed_loop(
@@ -34,7 +34,8 @@ def closed_loop(
     """Simulate held-out insertions with models, and compare the outcomes.
 
     Args:
-        recordings: those in mode osc with stated `outcomes` are simulated, at most `MOST`.
+        recordings: held-out ones. The first episode of those under operational space control (`osc`) with commanded
+            poses and stated `outcomes` is simulated, of at most `MOST` recordings.
         models: the models by name.
         nthread: threads of the simulation.
 
@@ -46,35 +47,39 @@ def closed_loop(
     for rec in recordings:
         if len(out) == MOST or not rec.outcomes or rec.control.mode != "osc" or rec.ee_cmd is None:
             continue
-        episode, cell = _first(rec), recorded_cell(rec)
         try:
-            runs = {name: task_of(cell.config).again(episode, world, nthread) for name, world in models.items()}
+            out.append({"recording": rec.name, "trials": _trials(first_episode(rec), models, nthread)})
         except UserError as error:
             said.append(f"not run again in closed loop: {error}")
-            continue
-        played = {name: ran for name, ran in runs.items() if ran is not None}
-        if len(played) < len(runs):
-            said.append(f"{rec.name}: not run again in closed loop: its task cannot play a recording again")
-            continue
-        felt = touching(episode)
-        read = felt.recording if felt.torques is None else calm(felt.recording, felt.torques)
-        way = _felt(read, cell.scene)
-        trials = {"measured": _trial(way, way, read.rate_hz, rec.outcomes[0])}
-        for name, ran in played.items():
-            same = replace(read, q=ran[0], ft=ran[1], wrench=WrenchSensor())
-            trials[name] = _trial(_felt(same, cell.scene), way, read.rate_hz, ran[2])
-        out.append({"recording": rec.name, "trials": trials})
     return out, said
 
 
-def _first(rec: Recording) -> Recording:
-    """Return a recording of the first episode alone."""
+def _trials(rec: Recording, models: Mapping[str, World], nthread: int) -> dict[str, Trial]:
+    """Return the trials of an episode: the measured one, and those simulated with the models.
+
+    Raises:
+        UserError: the recorded cell or a model cannot be simulated, or a run has no finite contact force.
+    """
+    cell = recorded_cell(rec)
+    runs = {name: task_of(cell.config).again(rec, world, nthread) for name, world in models.items()}
+    played = {name: ran for name, ran in runs.items() if ran is not None}
+    if len(played) < len(runs):
+        raise UserError("its task cannot simulate a recorded episode", key=rec.name)
+    felt = touching(rec)
+    read = felt.recording if felt.torques is None else calm(felt.recording, felt.torques)
+    measured = _felt(read, cell.scene)
+    trials = {"measured": _trial(measured, measured, read.rate_hz, rec.outcomes[0])}
+    for name, ran in played.items():
+        simulated = _felt(replace(read, q=ran[0], ft=ran[1], wrench=WrenchSensor()), cell.scene)
+        trials[name] = _trial(simulated, measured, read.rate_hz, ran[2])
+    return trials
+
+
+def first_episode(rec: Recording) -> Recording:
+    """Return a recording of its first episode with an outcome alone."""
     if rec.episode is None:
         return rec
-    rows = np.flatnonzero(rec.episode == rec.outcomes[0].episode)
-    columns = ("time", "q", "dq", "tau", "tau_cmd", "ee", "ee_cmd", "ft", "episode", "q_cmd", "dq_cmd", "load")
-    cut = {name: getattr(rec, name)[rows] for name in columns if getattr(rec, name) is not None}
-    return replace(rec, **cut, outcomes=rec.outcomes[:1])
+    return replace(rec.some(rec.episode == rec.outcomes[0].episode), outcomes=rec.outcomes[:1])
 
 
 def _felt(rec: Recording, scene: Scene) -> Touch:
@@ -84,11 +89,17 @@ def _felt(rec: Recording, scene: Scene) -> Touch:
 
 
 def _trial(run: Touch, measured: Touch, rate: float, outcome: Outcome) -> Trial:
-    """Summarise one run: peak wrist force, time in contact, distance of the tip from the measured one, outcome."""
+    """Summarise one run: peak contact force, time in contact, outcome, and how far the tip was from the measured one.
+
+    Raises:
+        UserError: no contact force of the run is finite.
+    """
+    if not np.isfinite(run.force).any():
+        raise UserError("no contact force is finite")
     n = min(len(run.tip), len(measured.tip))
-    before = ~np.logical_or.accumulate(run.touching[:n] | measured.touching[:n])
-    above = before & (measured.tip[:n, 2] > 0)  # relative to the goal's mouth; inside, contact may be undetectable
-    off = np.linalg.norm(run.tip[:n][above] - measured.tip[:n][above], axis=1)
+    untouched = ~np.logical_or.accumulate(run.touching[:n] | measured.touching[:n])
+    free = untouched & (measured.tip[:n, 2] > 0)  # above the goal's mouth: inside, contact may be undetectable
+    off = np.linalg.norm(run.tip[:n][free] - measured.tip[:n][free], axis=1)
     out: Trial = {
         "peak_force": float(np.nanmax(run.force)),
         "contact_s": float(np.sum(run.touching)) / rate,
