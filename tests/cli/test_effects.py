@@ -46,6 +46,13 @@ def test_one_effect_is_explained_and_drawn_only_where_asked(vispeg, tmp_path):
     assert picture.read_bytes() == first
 
 
+def test_each_place_has_its_own_picture(vispeg, tmp_path):
+    for where in ("joint2", "joint6"):
+        assert vispeg("effects", "coulomb_friction", "--where", where, "--out", ".")[0] == 0
+    first, second = (tmp_path / f"effect-coulomb_friction-{where}.png" for where in ("joint2", "joint6"))
+    assert first.read_bytes() != second.read_bytes()
+
+
 def test_picture_of_friction_shows_the_servo_deflected_by_friction():
     """At constant speed a servo lags by friction / stiffness: 0.5 N m over the joint's 400 N m/rad, either way."""
     s = signature("coulomb_friction", "joint4")

@@ -172,7 +172,7 @@ def effects(call: Call, where: str | None = None, out: Path | None = None, overw
 
     Args:
         where: place of the effect in the picture: a joint, a link, flange, base, all.
-        out: folder for the picture, effect-NAME.png; default: none.
+        out: folder for the picture, effect-NAME.png or, with a stated place, effect-NAME-PLACE.png; default: none.
         overwrite: replace the picture if it exists.
     """
     from vispeg.report.text.catalogue import describe, print_catalogue, print_effect

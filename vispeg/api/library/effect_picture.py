@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from vispeg.report.text.summary import Line, html
 from vispeg.robots.model import load
 from vispeg.robots.scene import build
 from vispeg.worlds.words import place
+
+ROBOT = "iiwa14"  # robot of the picture by default
 
 
 @dataclass(frozen=True)
@@ -37,13 +40,13 @@ class EffectPicture:
 
 
 def draw_effect(
-    name: str, out: str | Path, *, where: str | None = None, robot: str = "iiwa14", overwrite: bool = False
+    name: str, out: str | Path, *, where: str | None = None, robot: str = ROBOT, overwrite: bool = False
 ) -> EffectPicture:
     """Draw what an effect does: in one joint under position control, or in the pictures of the cell's cameras.
 
     Args:
         name: name of the effect.
-        out: folder for the picture, effect-NAME.png.
+        out: folder for the picture, effect-NAME.png; a place or robot other than the default is in the name, too.
         where: the effect's place; by default a typical one.
         robot: a robot's name, or a path to an MJCF or URDF.
         overwrite: replace an existing picture.
@@ -51,8 +54,10 @@ def draw_effect(
     Raises:
         UserError: no such effect or place.
     """
-    kind, path = effect(name), Path(out).expanduser() / f"effect-{name}.png"
-    arm = name in searchable()
+    kind, arm = effect(name), name in searchable()
+    shown = ["effect", name, where or "", Path(robot).stem if arm and robot != ROBOT else ""]
+    file = re.sub(r"[^\w.]+", "-", "-".join(filter(None, shown)))
+    path = Path(out).expanduser() / f"{file}.png"
     scene = None if arm else build()
     if where is not None:
         place(kind, where, load(robot) if scene is None else scene)
