@@ -61,6 +61,17 @@ def test_only_the_edge_counts():
     assert adaptive.levels[FRICTION.label] == 0.55
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_of_a_range_beyond_nominal_the_outer_share_counts(sign):
+    """Of values 3 to 4 from null, those beyond 3.74 are at the edge at level 1, and half of them at level 1/2."""
+    far = RandomizedEffect("joint_bias", "joint4", {"torque": Uniform(*sorted((3.0 * sign, 4.0 * sign)))})
+    for level in (0.5, 1.0):
+        adaptive = Adaptive(RandomizedWorld(ranges=(far,)), start=level)
+        for away in (3.1, 3.6, 3.9):
+            adaptive.record({far.label: {"torque": level * away * sign}}, True, dict(adaptive.levels))
+        assert adaptive.outcomes == {far.label: [True]}
+
+
 def test_a_place_with_a_range_to_itself_says_nothing_of_the_broad_one():
     each = RandomizedEffect("viscous_friction", "each", {"damping": Uniform(0.0, 2.0)})
     own = RandomizedEffect("viscous_friction", "joint4", {"damping": Uniform(0.0, 9.0)})

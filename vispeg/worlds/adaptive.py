@@ -89,7 +89,7 @@ class Adaptive:
         if window < 1 or low >= high:
             raise UserError("not thresholds", expected="window > 0 and low < high", got=(window, low, high))
         self.step, self.window, self.low, self.high, self.edge = step, window, low, high, edge
-        self.ranges = {r.label: r for r in world.ranges if any(_reaches(r, n)[2] for n in r.params)}
+        self.ranges = {r.label: r for r in world.ranges if any(_sides(r, n) for n in r.params)}
         self.own = {r.label for r in world.ranges}  # a place with its own range is not governed by one for many places
         self.levels = dict.fromkeys(self.ranges, float(start))
         self.outcomes: dict[str, list[bool]] = {label: [] for label in self.ranges}
@@ -132,12 +132,12 @@ class Adaptive:
     def _at_edge(self, r: RandomizedEffect, values: Mapping[str, float]) -> bool:
         level = self.levels[r.label]
         for name in r.params:
-            below, above, free = _reaches(r, name)
-            if not free:
+            sides = _sides(r, name)
+            if sides is None:
                 continue
             away = values[name] - effect(r.effect).params[name].null
-            reach = level * (above if away >= 0 else below)
-            if abs(away) >= self.edge * reach - 1e-12:
+            near, far = sides[int(away >= 0)]
+            if abs(away) >= level * (near + self.edge * (far - near)) - 1e-12:
                 return True
         return False
 
@@ -151,14 +151,17 @@ class Adaptive:
         self.outcomes[label] = []
 
 
-def _reaches(r: RandomizedEffect, name: str) -> tuple[float, float, bool]:
-    """Return how far a parameter extends below and above its null at level 1, and whether the level affects it."""
+def _sides(r: RandomizedEffect, name: str) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    """Return at which distances from null a range of a parameter begins and ends at level 1, below null and above it.
+
+    It begins at 0 if it contains null. None for a parameter that levels do not scale.
+    """
     spec: float | Distribution = r.params[name]
     param = effect(r.effect).params[name]
     if isinstance(spec, int | float) or param.shape:
-        return 0.0, 0.0, False
-    low, high = spec.at(TAIL), spec.at(1 - TAIL)
-    return max(param.null - low, 0.0), max(high - param.null, 0.0), True
+        return None
+    low, high = spec.at(TAIL) - param.null, spec.at(1 - TAIL) - param.null
+    return (max(-high, 0.0), max(-low, 0.0)), (max(low, 0.0), max(high, 0.0))
 
 
 __all__ = ["Adaptive", "Schedule"]
