@@ -9,7 +9,7 @@ from loops import ARM, drive, recorded
 from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.evidence.roles import recast, shown
+from vispeg.diagnosis.evidence.roles import Roles, recast, shown
 from vispeg.diagnosis.run import diagnose
 from vispeg.identify.evidence import Evidence
 from vispeg.report.text import words
@@ -59,6 +59,15 @@ def test_what_one_half_of_one_recording_shows_is_said_to_be_judged_nowhere(recor
     assert found is not None
     assert found.fitted == evidence.recordings and found.held_out == judged.recordings
     assert "once is" in found.note and "another recording" in found.note
+
+
+def test_what_its_recording_alone_showed_is_judged_by_that_recording(recordings):
+    """Another fitted recording that the model is far from says nothing of what the one alone showed."""
+    world = World(recordings["wide"].robot)
+    for alone, left in (("narrow", False), ("wide", True)):
+        roles = Roles([], [], "", alone)
+        found = roles.unjudged(world, Evidence([recordings["narrow"], recordings["wide"]]))
+        assert (found is roles) == left
 
 
 def test_what_both_halves_of_one_recording_show_is_judged_by_the_second(recordings):

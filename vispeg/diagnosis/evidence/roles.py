@@ -33,7 +33,8 @@ class Roles:
 
     def unjudged(self, world: World, evidence: Evidence) -> Roles | None:
         """Return these roles if only one recording shows what a model lacks, and `world` still lacks it."""
-        return self if self.alone and max(shown(evidence, world)) > RULES.loud else None
+        means = zip(evidence.recordings, shown(evidence, world), strict=True)
+        return self if any(r.name == self.alone and mean > RULES.loud for r, mean in means) else None
 
 
 def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
@@ -62,7 +63,7 @@ def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
     most = evidence.recordings[int(np.argmax(means))]
     judge = [r for r in loud if r is not most][-1]
     rest = [r for r in evidence.recordings if r is not judge]
-    note = f"nothing that the model lacks shows in {names}, so {judge.name} judges, and fitted is {names}"
+    note = f"nothing that the model lacks shows in {names}, so {judge.name} judges, and the fit includes {names}"
     return Roles([*rest, *judged.recordings], [judge], note)
 
 

@@ -2,10 +2,10 @@
 
 The fit without an effect is predicted from the derivatives. So the test of an effect needs no fit: on the fitted
 recordings it uses the predicted residual (cross-fitted), on the held-out ones one rollout. A fit is made only when
-something is removed. First, members of groups that are
-useless on the fitted recordings are removed together, unless the held-out error then rises beyond chance. Then effects
-that the held-out recordings do not need are removed one by one. An effect that lowers the held-out error beyond chance,
-but by no visible share, is removed only if its interval includes null and it lowers the error by next to nothing.
+something is removed. First, members of groups that are useless on the fitted recordings are removed together, unless
+the held-out error then rises beyond chance. Then effects that the held-out recordings do not need are removed one by
+one. An effect that lowers the held-out error beyond chance, but by no visible share, is removed only if its interval
+includes null and it lowers the error by next to nothing.
 Otherwise it stays unnamed (`State.slight`). The first `n_fixed` effects of a world are not fitted and stay.
 """
 
@@ -45,6 +45,7 @@ def prune(search: Searching, state: State, n_fixed: int) -> None:
         search.say(f"no longer needed: {', '.join(e.label for e in gone)}")
         state.take(fit, loss)
         state.cross = search.cross.loss_of(fit, fit.residual)
+        state.slight = frozenset()  # those were of the model before
 
 
 def _useless_members(search: Searching, state: State, n_fixed: int) -> list[int]:
@@ -75,7 +76,7 @@ def _useless_members(search: Searching, state: State, n_fixed: int) -> list[int]
 def _least_needed(search: Searching, state: State, n_fixed: int) -> list[int]:
     """Return a list with the index of the effect to remove, which held-out recordings need least; empty if none is.
 
-    If it is empty, effects that stay although they remove no visible share are noted as `slight`.
+    The other effects that remove no visible share are noted as `slight`.
     """
     fit = state.fit
     assert fit is not None
@@ -99,11 +100,9 @@ def _least_needed(search: Searching, state: State, n_fixed: int) -> list[int]:
         if (gains[i].relative < nothing and not present(fit, places[i]))
         or search.judge.gain(losses[i], state.loss).z < chance
     ]
-    if not weak:
-        state.slight = frozenset(state.world.effects[places[i]].label for i in hardly)
-        return []
-    k = min(weak, key=lambda i: gains[i].mean)
-    return [places[k]]
+    least = min(weak, key=lambda i: gains[i].mean, default=None)
+    state.slight = frozenset(state.world.effects[places[i]].label for i in hardly if i != least)
+    return [] if least is None else [places[least]]
 
 
 def needed(search: Testing, state: State, k: int, gain: Gain) -> bool:
