@@ -106,6 +106,7 @@ def test_a_mirrored_charuco_is_refused_as_that(tmp_path, flip):
         (("charuco", 9, 6, 0.02, 0.03, "DICT_4X4_50"), "marker"),
         (("charuco", 9, 6, 0.02, 0.01, "DICT_4X4_5"), "did you mean"),
         (("charuco", 20, 16, 0.02, 0.01, "DICT_4X4_50"), "fewer markers"),
+        (("tag", 9, 6, 0.02, 0.0, "DICT_APRILTAG_36h11"), "a tag has no pattern"),
         (("circles", 9, 6, 0.02), "choices: chessboard, charuco"),
     ],
 )

@@ -92,6 +92,16 @@ def test_the_robots_picture_marks_what_was_found(run, diagnosis):
     assert 'style="left:60.0%;top:50.0%">1<' in html and 'style="left:40.0%;top:30.0%">2<' in html
 
 
+def test_marks_of_one_joint_stay_within_the_robots_picture(run, diagnosis):
+    record = diagnosis()
+    effects = [{**record["effects"][0], "where": "joint4"} for _ in range(30)]
+    out = run({**record, "effects": effects, "picture": {"file": ROBOT, "places": {"joint4": [0.8, 0.9]}}})
+    (out / ROBOT).write_bytes(b"png")
+    places = re.findall(r'style="left:([\d.]+)%;top:([\d.]+)%">', render(load_record(out)))
+    assert len(set(places)) == len(places) == 30
+    assert all(0 <= float(x) <= 100 for place in places for x in place)
+
+
 def test_screening_scores_are_on_a_logarithmic_axis(run, diagnosis):
     scores = (2.6e10, 1.3e10, 1.8e8, 4.3e5, 0.0)
     record = {**diagnosis(), "screening": [{"effect": "payload", "where": "flange", "score": s} for s in scores]}

@@ -68,6 +68,8 @@ class Board:
             self.opencv()
 
     def _check_tag(self) -> None:
+        if (self.columns, self.rows) != (1, 1):
+            raise UserError("a tag has no pattern", key="--pattern", expected="1x1", got=self.pattern)
         words = self.words()
         if self.tag is not None and not 0 <= self.tag < len(words.bytesList):
             expected = f"0 to {len(words.bytesList) - 1} of {self.dictionary}"

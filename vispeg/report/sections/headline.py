@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,6 +13,7 @@ from vispeg.report.text import camera_words, contact_words, effect_words, words
 from vispeg.report.text.quantities import number, quantity
 
 TITLE = "Verdict"
+APART = 0.045  # distance between marks of one joint, in widths or heights of the picture
 
 
 def context(record: Record) -> Mapping[str, object]:
@@ -63,7 +65,7 @@ def _marks(record: Record) -> list[dict[str, str]]:
     x and y are per cent of its width and height, from the top left. Tentative effects are left out.
     """
     places = record.mapping("picture").get("places")
-    marks, taken = [], set()
+    marks, taken = [], Counter[tuple[float, float]]()
     if not isinstance(places, dict):
         return []
     for effect in record.rows("effects"):
@@ -71,11 +73,19 @@ def _marks(record: Record) -> list[dict[str, str]]:
             continue
         x, y = places.get(str(effect.get("where"))) or (None, None)
         if x is not None and y is not None:
-            while (x, y) in taken:  # marks of two effects in one joint are placed side by side
-                x += 0.045
-            taken.add((x, y))
-            marks.append({"words": effect_words.sized(effect), "x": f"{100 * x:.1f}", "y": f"{100 * y:.1f}"})
+            left, top = _beside(x, y, taken[x, y])
+            taken[x, y] += 1
+            marks.append({"words": effect_words.sized(effect), "x": f"{100 * left:.1f}", "y": f"{100 * top:.1f}"})
     return marks
+
+
+def _beside(x: float, y: float, k: int) -> tuple[float, float]:
+    """Return the place of mark number `k` at a joint at (x, y).
+
+    Marks of one joint stand side by side up to the picture's right edge, then in rows towards its middle.
+    """
+    row, column = divmod(k, 1 + max(0, int((1.0 - x) / APART)))
+    return x + APART * column, y + APART * row * (1 if y < 0.5 else -1)
 
 
 def _source(floor: Mapping[str, Any]) -> str:
