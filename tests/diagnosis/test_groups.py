@@ -118,6 +118,15 @@ def test_what_the_held_out_recordings_want_stays_and_is_no_name_where_it_is_not_
     assert len(here.world.effects) == len(HIDDEN) and not here.slight and not never_named(here, 0)
 
 
+def test_slight_effects_are_those_of_the_present_model(searched):
+    """A refused removal shows that its effect is needed; the others are slight, and none of an earlier model is."""
+    search, state = Strict(searched[0].evidence, Careless(searched[0].judge.evidence)), searched[1]
+    here = replace(state, slight=frozenset({"gone(elbow)"}))
+    prune.prune(search, here, 0)
+    labels = {e.label for e in here.world.effects}
+    assert labels == {e.label for e in HIDDEN} and here.slight < labels and len(here.slight) == len(labels) - 1
+
+
 def test_what_may_be_absent_and_removes_next_to_nothing_goes_out_however_sure_its_gain_is(searched):
     search, state = Strict(searched[0].evidence, Sure(searched[0].judge.evidence)), searched[1]
     (fit,) = search.fits([state.world.add(EffectInstance.of("joint_bias", "elbow"))], 0)
