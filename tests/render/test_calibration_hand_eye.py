@@ -102,7 +102,7 @@ def test_one_bad_pose_does_not_rule_and_is_named():
 
 def test_a_board_that_looks_the_same_both_ways():
     board = Board("chessboard", 9, 5, 0.0236)
-    assert board.two_ways and not BOARD.two_ways
+    assert board.symmetric and not BOARD.symmetric
     rng = stream(6, "two ways")
     views, poses = seen(rng, 8, board)
     arm = flange(poses, rng=rng, robot=(5e-4, 1e-3))

@@ -115,7 +115,7 @@ def test_what_is_no_tag_is_one_line(taken):
         calibrate(folder, tag=9999, **options)
     with pytest.raises(UserError, match="does not apply to a tag"):
         calibrate(folder, "9x6", **options)
-    with pytest.raises(UserError, match="no size of a square"):
+    with pytest.raises(UserError, match="impossible size of a square"):
         calibrate(folder, **{**options, "square": 0.0})
     with pytest.raises(UserError, match="applies only to (--)?board tag"):
         calibrate(folder, "9x6", 0.02, tag=3)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vispeg.api.inputs import Inputs, Model, Reading, Source, read_inputs, silent, windows
-from vispeg.api.result import Drawn, Result
+from vispeg.api.result import Result, Traced
 from vispeg.channels.channel import CHANNELS, How
 from vispeg.channels.pictures import seen
 from vispeg.channels.resolve import resolve
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class ComparisonResult(Result, Drawn):
+class ComparisonResult(Result, Traced):
     """The error of a model.
 
     Attributes:

@@ -12,7 +12,7 @@ import numpy as np
 
 from vispeg.api.inputs import Inputs, Model, Reading, Source, of_cell, read_inputs, silent, windows
 from vispeg.api.objects import diagnose_tosses, object_world
-from vispeg.api.result import Drawn, Result
+from vispeg.api.result import Result, Traced
 from vispeg.api.stress.remainder import Price
 from vispeg.channels import conduct
 from vispeg.channels.channel import How
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class DiagnosisResult(Result, Drawn):
+class DiagnosisResult(Result, Traced):
     """The effects that a model lacks, with errors on the held-out recordings.
 
     Attributes:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vispeg.api.inputs import Model, Reading, Source, read_inputs, silent, windows
-from vispeg.api.result import Drawn, Result
+from vispeg.api.result import Result, Traced
 from vispeg.channels.channel import CHANNELS, Both, How
 from vispeg.channels.resolve import fitted_in, resolve
 from vispeg.core.cluster import Engine, cluster
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class FitResult(Result, Drawn):
+class FitResult(Result, Traced):
     """Fitted effects.
 
     Attributes:

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
     from vispeg.diagnosis.traces import Trace
 
-LONGEST = 150  # most characters of a result's `repr`
+LONGEST = 150  # characters of the first block of a summary that `repr` shows
 
 
-class Drawn:
-    """A result with arrays of measured and predicted values."""
+class Traced:
+    """A result that holds measured and predicted values over time, in `arrays`."""
 
     arrays: Mapping[str, np.ndarray]
 
@@ -42,7 +42,7 @@ class Result(ABC):
 
     Attributes:
         holds: the kind of folder that `save` writes, see `vispeg.core.marker`.
-        tables: keys of `record` that hold tables; `to_pandas` returns the first that is not empty.
+        tables: keys of `record` that hold a table; `to_pandas` returns the first of them that is not empty.
         sources: files and folders that were read, which `save` never replaces.
     """
 
@@ -78,7 +78,7 @@ class Result(ABC):
         raise UserError("this result has no single picture", expected="the page that save(folder) writes")
 
     def to_pandas(self) -> DataFrame:
-        """Return the main table of `record` as a pandas.DataFrame, one row per entry, with nested values flattened.
+        """Return the main table of `record` as a pandas.DataFrame, one row per entry; nested keys are joined by dots.
 
         Raises:
             UserError: pandas is not installed, or this result has no table.

@@ -48,7 +48,7 @@ class TrainedPolicy:
 
     @property
     def record(self) -> dict[str, object]:
-        """The output of `vispeg train --json`, but for the films that the command makes."""
+        """The output of `vispeg train --json`, except the videos that only the command makes."""
         return {"run": str(self.run), "best": str(self.best)}
 
     @property
@@ -100,14 +100,15 @@ def train(
     If `out` holds a stopped run of the same configuration, that run is continued.
 
     Args:
-        task: label of the world's task and what the policy sees, such as LABEL-depth; not needed with `resume`.
+        task: label of the world's task, a hyphen and what the policy observes, such as LABEL-depth; not needed with
+            `resume`.
         world: a built-in world's name or a world file.
         recipe: reinforcement learning, imitation of a teacher, or imitation and then reinforcement.
         settings: fields of the task's configuration that replace the world's, such as `stack`, `dof`, `reward`.
-        curriculum: wider tolerances to begin with, mm, widest first; the next stage begins at 80 % success.
-        start_radius: lateral distances from the goal within which these stages start, m, nearest first.
-        ranges: randomization: full from the first step, growing over the first half of the steps (schedule), or range
-            by range with success (adaptive).
+        curriculum: tolerances of easier stages before the task itself, mm, widest first; a stage ends at 80 % success.
+        start_radius: lateral distances from the goal within which episodes of these stages start, m, nearest first.
+        ranges: how far the world's ranges extend: fully from the first step (full), further and further over the first
+            half of the steps (schedule), or each range as far as the policy succeeds in it (adaptive).
         steps: total number of environment steps; default: 100000. With `resume`: the new total.
         target: success rate that ends imitation or reinforcement early if two successive evaluations reach it; 2 is
             never reached.
@@ -126,7 +127,8 @@ def train(
             half of each batch (sac). Only successful episodes are used. FOLDER?action=KIND states the kind of its
             actions.
         distill: settings of the imitation that replace the defaults, such as `steps` and `updates` of each round, and
-            `looks`, the number of looks in which each state is stored; without meaning for the recipe `sac`.
+            `looks`, the number of looks (draws of what only cameras see) in which each state is stored; the recipe
+            `sac` ignores them.
         every: environment steps between evaluations and checkpoints.
         episodes: number of episodes of an evaluation.
         device: where networks run.

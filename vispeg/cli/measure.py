@@ -22,13 +22,13 @@ NO_READINGS: dict[str, Any] = {**MEASURED, "resolution": None, "accuracy": None}
 
 def _measured(call: Call) -> None:
     """Print the measurement; if policies are given, play them and print whether its precision suffices."""
-    from vispeg.api.measure.enough import check_stop, enough
+    from vispeg.api.measure.enough import check_enough, enough
     from vispeg.api.measure.result import MeasureSettings
     from vispeg.cli.progress import playing
     from vispeg.report.text.summary import print_summary
 
     stop = call.given_to(ENOUGH)
-    check_stop(**stop)
+    check_enough(**stop)
     result = call(settings=MeasureSettings(**call.given_to(SETTINGS)))
     if not call.output.json:
         print_summary(result.summary)

@@ -35,7 +35,7 @@ class Axis:
 
 
 class Freedom:
-    """Which parameters a fit may change, and by which finite-difference steps; an evidence may override both.
+    """The parameters that a fit may change, and their finite-difference steps; subclasses override either.
 
     Attributes:
         held: parameters (effect, name) that stay fixed; for use by subclasses.
@@ -96,15 +96,16 @@ class Space:
     def steps(self, u: np.ndarray) -> np.ndarray:
         """Return finite-difference steps (naxis,) at `u`, negative if a positive one would pass the upper bound.
 
-        They are 0.02 of a unit. A magnitude much smaller than its unit, such as a wrist's rotor inertia, has shorter
-        ones. An effect in which the residual is not smooth has longer ones, but not on a log scale, where 5 % is long
-        already: 5 % of a ripple's poles is most of a radian of phase.
+        A step is 0.02 of a unit; on a linear scale, at most a tenth of the value's distance from null, as some values
+        are much smaller than their unit (the rotor inertia of a wrist), but at least `SHORTEST`. If the residual is not
+        smooth in the effect, a step is 0.05 of a unit. This does not apply to a log scale: a ripple with 5 % more poles
+        would be out of phase by most of a radian. Steps that `freedom` states replace these.
         """
         low, high = self.bounds
-        long = [not effect(self.world.effects[a.index].effect).smooth and a.param.scale == "linear" for a in self.axes]
-        size = np.where(long, 0.05, 0.02)
+        rough = [not effect(self.world.effects[a.index].effect).smooth and a.param.scale == "linear" for a in self.axes]
+        size = np.where(rough, 0.05, 0.02)
         for i, a in enumerate(self.axes):
-            if not long[i] and a.param.scale == "linear" and not a.param.shape:
+            if not rough[i] and a.param.scale == "linear" and not a.param.shape:
                 size[i] = np.clip(0.1 * abs(u[i] - self.forward(a.param.null, a)), SHORTEST, size[i])
         for i, a in enumerate(self.axes):
             step = self.freedom.nudge(effect(self.world.effects[a.index].effect), a.name)

@@ -45,7 +45,7 @@ class Schedule:
 
 
 class AdaptiveState(TypedDict):
-    """State of Adaptive: the level of each range, and the successes counted at its edge since that last changed."""
+    """State of Adaptive, by range: its level, and whether each episode at its edge since its last change succeeded."""
 
     levels: dict[str, float]
     outcomes: dict[str, list[bool]]
@@ -54,11 +54,11 @@ class AdaptiveState(TypedDict):
 class Adaptive:
     """Automatic domain randomization: a range widens if the policy succeeds at its edge, and narrows if it fails there.
 
-    An episode counts for a range if one of the range's parameters was drawn in the outer share `1 - edge` of what its
-    present level allows (at level 0 every episode counts). After `window` such episodes the level rises by `step` if
-    the success rate is `high` or more, and falls by `step` if it is `low` or less. Source: OpenAI et al. 2019, Solving
-    Rubik's Cube with a Robot Hand, section 5.2. That algorithm draws episodes at the edge on purpose. Here the episodes
-    that are at the edge by chance are used, so that a world depends only on its seed and levels.
+    An episode is at the edge of a range if one of the range's parameters lies in the outer share `1 - edge` of the
+    values that the present level allows (at level 0 every episode is). After `window` such episodes, the level rises by
+    `step` if at least the share `high` of them succeeded, and falls by `step` if at most the share `low` did. Source:
+    OpenAI et al. 2019, Solving Rubik's Cube with a Robot Hand, section 5.2. There, episodes are put at the edge on
+    purpose. Here they are at the edge by chance, so that a world depends only on its seed and levels.
 
     Args:
         world: the world whose ranges are scaled.
@@ -69,7 +69,8 @@ class Adaptive:
         levels: range's label -> level, for `RandomizedWorld.sample`.
 
     Raises:
-        UserError: a share out of 0 to 1, a window below 1, or `low` not below `high`.
+        UserError: `start`, `step`, `low`, `high` or `edge` is not between 0 and 1, `window` is below 1, or `low` is not
+            below `high`.
     """
 
     def __init__(

@@ -58,7 +58,7 @@ def draw_effect(
     shown = ["effect", name, where or "", Path(robot).stem if arm and robot != ROBOT else ""]
     file = re.sub(r"[^\w.]+", "-", "-".join(filter(None, shown)))
     path = Path(out).expanduser() / f"{file}.png"
-    scene = None if arm else build()
+    scene = None if arm else build()  # the cell, where an arm alone does not show the effect
     if where is not None:
         place(kind, where, load(robot) if scene is None else scene)
     if path.exists() and not overwrite:
@@ -67,12 +67,12 @@ def draw_effect(
         draw_look(kind, where, scene or build(), path, overwrite=overwrite)
         return EffectPicture(path)
     if not arm:
-        return EffectPicture(None, "its signature needs the task's cell")
+        return EffectPicture(None, "this effect acts only in the task's cell, which is not simulated here")
     s = signature(name, where, robot=robot)
     sizes = ", ".join(f"{k} {v.value:g} {kind.params[k].unit}" for k, v in s.placed.params.items())
     panels = [
-        ("rad", {f"angle of {s.joint}, with less without": s.deviation}),
-        ("N m", {f"motor torque of {s.joint}, with less without": s.torque}),
+        ("rad", {f"angle of {s.joint}: with the effect minus without": s.deviation}),
+        ("N m", {f"motor torque of {s.joint}: with the effect minus without": s.torque}),
     ]
     over = {f"angle of {s.joint} (rad)": s.angle, f"speed of {s.joint} (rad/s)": s.speed}
     signature_panels(f"{s.placed.label}\n{sizes}", s.time, panels, path, against=over, overwrite=overwrite)

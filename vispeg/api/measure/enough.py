@@ -1,4 +1,4 @@
-"""Test whether an interval is narrow enough for a policy, by the change of success between its two ends."""
+"""Test whether a measured interval is narrow enough for a policy: play it at both ends and compare its success."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ class Sufficiency:
     """The change of success over each effect's interval, for each policy.
 
     Attributes:
-        rows: effect, policy, episodes, change of success (`moved`) with its interval (`low`, `high`), verdict.
+        rows: one per effect and policy: `effect`, `policy`, `episodes` at each end, change of success between the ends
+            (`moved`) with its interval (`low`, `high`), `verdict`.
         result: the measurement, whose file includes these rows.
     """
 
@@ -45,7 +46,7 @@ class Sufficiency:
         return html(self.summary)
 
 
-def check_stop(policies: Sequence[str], world: str, episodes: int, workers: int) -> None:
+def check_enough(policies: Sequence[str], world: str, episodes: int, workers: int) -> None:
     """Check the arguments of `enough` before anything is measured.
 
     Raises:
@@ -71,7 +72,7 @@ def enough(
     Args:
         result: a measurement, to whose file the rows are added.
         policies: policies (folders or names) to play at both ends of the interval, to see whether it is narrow enough.
-        world: world of the policies, and source of nominal values.
+        world: the world in which they are played, with the effect added at one end of its interval.
         episodes: number of episodes at each end of the interval.
         workers: number of processes.
         playing: shows progress.

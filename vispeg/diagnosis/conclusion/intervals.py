@@ -18,8 +18,10 @@ Error = Callable[[int, str], float]  # (index of an effect in the world, paramet
 
 
 def share_left(before: float, after: float, floor: float = 1.0) -> float:
-    """Return the ratio of the excess amplitudes over `floor`, after to before; 0 if there was nothing to explain
-    or nothing was explained."""
+    """Return the ratio of the excess amplitudes over `floor`, after to before.
+
+    0 if there was nothing to explain, or nothing was explained.
+    """
     if before <= max(floor, after):
         return 0.0
     return float(np.sqrt(max(after - floor, 0.0) / (before - floor)))

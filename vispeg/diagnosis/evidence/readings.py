@@ -47,10 +47,10 @@ def gridded(world: World, recordings: Sequence[Recording]) -> tuple[EffectInstan
             and all(on_grid(r.q[:, j], common) for j, m in moved.items() for r in m)
         ):
             places = {ALL: (list(steps), common)}
-        for where, (rows, step) in places.items():
+        for where, (numbers, step) in places.items():
             if step <= kind.params[param].high:
-                widest = max(float(np.nanmax(np.abs(r.q[:, j]))) for j in rows for r in moved[j])
-                width = RULES.grid_off * step**2 / widest  # that much more, and the widest reading is off the grid
+                widest = max(float(np.nanmax(np.abs(r.q[:, j]))) for j in numbers for r in moved[j])
+                width = RULES.grid_off * step**2 / widest  # a step longer by this takes the widest reading off the grid
                 placed = EffectInstance.of(name, where, **{param: step})
                 value = Value(step, step - width, step + width)
                 out.append(EffectInstance(name, where, {**placed.params, param: value}))
@@ -63,8 +63,10 @@ def moves(values: np.ndarray) -> bool:
 
 
 def common_step(recordings: Sequence[Recording], joint: int) -> float:
-    """Return the step in rad of joint number `joint` in all these recordings; 0 if there is none, or it
-    is not `RULES.grid_step` times the noise."""
+    """Return the step in rad of joint number `joint` that all these recordings have; 0 if there is none.
+
+    A step counts only if it is more than `RULES.grid_step` times the noise.
+    """
     if any(quantization(r.q[:, joint]) is None for r in recordings):
         return 0.0
     widest = max((r.q[:, joint] for r in recordings), key=lambda q: float(np.nanmax(np.abs(q))))

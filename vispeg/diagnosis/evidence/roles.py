@@ -1,8 +1,8 @@
 """Choose the held-out recordings: those requested, unless they do not show what the model lacks.
 
-A drive that saturates in two of three motions leaves no trace in the third, where no effect of it can be judged. Then
-one of the two is held out instead, and the third is fitted. If it saturates in one motion only, but in both halves of
-it, the fit uses the first half and the second is held out.
+Example: a drive saturates in two motions, but the held-out one is a third, on which saturation cannot be judged. Then
+one of the two is held out instead, and the third is fitted. If the drive saturates in a single motion, but in both
+halves of it, the first half is fitted and the second is held out.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from vispeg.worlds.world import World
 class Roles:
     """Fitted and held-out recordings, and a note on the choice.
 
-    `alone` names the only recording that shows what the model lacks, if no other data can judge it; else it is empty.
+    `alone` is the name of the only recording that shows what the model lacks, set if it cannot be split either, so that
+    no held-out data can judge it; else it is empty.
     """
 
     fitted: list[Recording]
@@ -33,8 +34,8 @@ class Roles:
 
     def unjudged(self, world: World, evidence: Evidence) -> Roles | None:
         """Return these roles if only one recording shows what a model lacks, and `world` still lacks it."""
-        means = zip(evidence.recordings, shown(evidence, world), strict=True)
-        return self if any(r.name == self.alone and mean > RULES.loud for r, mean in means) else None
+        errors = zip(evidence.recordings, shown(evidence, world), strict=True)
+        return self if any(r.name == self.alone and error > RULES.loud for r, error in errors) else None
 
 
 def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
@@ -46,8 +47,8 @@ def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
     """
     if max(shown(judged, world)) > RULES.quiet:
         return None
-    means = shown(evidence, world)
-    loud = [r for r, mean in zip(evidence.recordings, means, strict=True) if mean > RULES.loud]
+    errors = shown(evidence, world)
+    loud = [r for r, error in zip(evidence.recordings, errors, strict=True) if error > RULES.loud]
     if not loud:
         return None
     names = ", ".join(r.name for r in judged.recordings)
@@ -57,10 +58,10 @@ def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
             rest = [r for r in evidence.recordings if r is not loud[0]]
             note = f"only {loud[0].name} shows what the model lacks: its second half judges what is fitted to its first"
             return Roles([first, *rest, *judged.recordings], [second], note)
-        far = f"{loud[0].name} is {floors(max(means))} × the noise floor from the model"
+        far = f"{loud[0].name} is {floors(max(errors))} × the noise floor from the model"
         note = f"{far}, and none of it shows in {names}: nothing can be judged before another recording shows it"
         return Roles(evidence.recordings, judged.recordings, note, loud[0].name)
-    most = evidence.recordings[int(np.argmax(means))]
+    most = evidence.recordings[int(np.argmax(errors))]
     judge = [r for r in loud if r is not most][-1]
     rest = [r for r in evidence.recordings if r is not judge]
     note = f"nothing that the model lacks shows in {names}, so {judge.name} judges, and the fit includes {names}"

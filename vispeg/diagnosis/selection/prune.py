@@ -35,7 +35,7 @@ def prune(search: Searching, state: State, n_fixed: int) -> None:
         (fit,) = search.fits([world], n_fixed, iterations=4, columns=[columns])
         loss = search.judge.losses([fit.world])[0]
         benefit = search.judge.gain(loss, state.loss)
-        # if so, the prediction from derivatives was wrong, and nothing is removed
+        # the refit shows more error than was predicted from derivatives: nothing is removed
         worse = search.judge.mean(loss) > (1.0 + RULES.drop_rise) * search.judge.mean(state.loss)
         if worse or (useless and benefit.mean > 0 and benefit.z > RULES.drop_chance):
             if not useless:
@@ -74,9 +74,9 @@ def _useless_members(search: Searching, state: State, n_fixed: int) -> list[int]
 
 
 def _least_needed(search: Searching, state: State, n_fixed: int) -> list[int]:
-    """Return a list with the index of the effect to remove, which held-out recordings need least; empty if none is.
+    """Return, as a list, the index of the effect that held-out recordings need least; empty if they need all of them.
 
-    The other effects that remove no visible share are noted as `slight`.
+    `state.slight` becomes the other effects that remove no visible share.
     """
     fit = state.fit
     assert fit is not None
@@ -112,9 +112,9 @@ def needed(search: Testing, state: State, k: int, gain: Gain) -> bool:
 
 
 def _matters(search: Testing, state: State, k: int, gain: Gain) -> bool:
-    """Return whether the effect at index `k` removes a visible share of all error, or of its joint's as one of a group.
+    """Return whether `gain`, the improvement by the effect at index `k`, is a visible share of the error.
 
-    `gain` is the improvement by it.
+    For a member of a group, a visible share of its own joint's error is enough.
     """
     placed, joints = state.world.effects[k], search.evidence.items[0].robot.joints
     local = gain.joints[joints.index(placed.where)] if placed.where in joints and state.grouped(placed) else 0.0

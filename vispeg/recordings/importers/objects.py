@@ -11,7 +11,8 @@ from vispeg.formats.arrays import read_arrays
 from vispeg.recordings.objects import ObjectRecording, rates
 from vispeg.recordings.tables.table import MAX_BYTES
 
-UNIT = 1e-2  # tolerated deviation of a quaternion's norm from 1
+NORM_OFF = 1e-2  # tolerated deviation of a quaternion's norm from 1
+MOST = 1e6  # bound of every number in `state`
 
 
 def import_object(
@@ -36,11 +37,11 @@ def import_object(
     state = _array(arrays, "state", source)
     if state.ndim != 2 or state.shape[1] not in (7, 13) or not len(state):
         raise UserError("has the wrong shape", file=source, key="state", expected="(n, 7) or (n, 13)", got=state.shape)
-    bad = np.flatnonzero(~np.isfinite(state).all(axis=1) | ~(np.abs(state) < 1e6).all(axis=1))
+    bad = np.flatnonzero(~np.isfinite(state).all(axis=1) | ~(np.abs(state) < MOST).all(axis=1))
     norm = np.linalg.norm(np.where(np.isfinite(state), state, 0.0)[:, 3:7], axis=1)
-    bad = np.union1d(bad, np.flatnonzero(np.abs(norm - 1) > UNIT))
+    bad = np.union1d(bad, np.flatnonzero(np.abs(norm - 1) > NORM_OFF))
     if len(bad):
-        expected = "finite numbers, columns 3 to 6 a unit quaternion w x y z"
+        expected = f"numbers below {MOST:g}, columns 3 to 6 (from 0) a unit quaternion w x y z"
         raise UserError("is not a pose", file=source, key=f"state, row {bad[0]}", expected=expected)
     edges = _edges(arrays, len(state), source)
     count = len(edges) - 1
@@ -54,8 +55,10 @@ def import_object(
         if "time" not in arrays:
             raise UserError("has no `time`", file=source, key="--rate-hz", expected="samples a second")
         time = _array(arrays, "time", source)
-        if time.shape != (len(state),) or not np.isfinite(time).all():
+        if time.shape != (len(state),):
             raise UserError("has the wrong shape", file=source, key="time", expected=(len(state),), got=time.shape)
+        if not np.isfinite(time).all():
+            raise UserError("is not finite", file=source, key="time", expected="seconds, rising in each toss")
         time, steps = time[rows], np.diff(time[rows])[np.diff(episode) == 0]
         if not len(steps) or steps.min() <= 0:
             raise UserError("does not increase", file=source, key="time", expected="seconds, rising in each toss")

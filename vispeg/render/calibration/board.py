@@ -52,7 +52,7 @@ class Board:
         elif min(self.columns, self.rows) < 3 or max(self.columns, self.rows) > 100:
             raise UserError("no such pattern", key="--pattern", expected="3x3 to 100x100", got=self.pattern)
         if not 1e-4 <= self.square <= 1.0:
-            raise UserError("no size of a square", key="--square", expected="0.0001 to 1 m", got=self.square)
+            raise UserError("impossible size of a square", key="--square", expected="0.0001 to 1 m", got=self.square)
         if self.kind == "chessboard" and self.columns == self.rows:
             raise UserError(
                 "a chessboard with as many columns as rows has no definite orientation",
@@ -63,16 +63,16 @@ class Board:
         if self.kind == "charuco":
             if not 0.0 < self.marker < self.square:
                 raise UserError(
-                    "no size of a marker", key="--marker", expected=f"0 to {self.square} m", got=self.marker
+                    "impossible size of a marker", key="--marker", expected=f"0 to {self.square} m", got=self.marker
                 )
             self.opencv()
 
     def _check_tag(self) -> None:
         if (self.columns, self.rows) != (1, 1):
             raise UserError("a tag has no pattern", key="--pattern", expected="1x1", got=self.pattern)
-        words = self.words()
-        if self.tag is not None and not 0 <= self.tag < len(words.bytesList):
-            expected = f"0 to {len(words.bytesList) - 1} of {self.dictionary}"
+        markers = self.markers()
+        if self.tag is not None and not 0 <= self.tag < len(markers.bytesList):
+            expected = f"0 to {len(markers.bytesList) - 1} of {self.dictionary}"
             raise UserError("no such tag", key="--tag", expected=expected, got=self.tag)
 
     @property
@@ -81,7 +81,7 @@ class Board:
         return f"{self.columns}x{self.rows}"
 
     @property
-    def two_ways(self) -> bool:
+    def symmetric(self) -> bool:
         """Whether the board looks the same after half a turn about its centre, colours included."""
         return self.kind == "chessboard" and (self.columns + self.rows) % 2 == 0
 
@@ -98,7 +98,7 @@ class Board:
         y, x = np.mgrid[:rows, :columns]
         return self.square * np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
 
-    def words(self) -> Any:
+    def markers(self) -> Any:
         """Return OpenCV's dictionary of markers. Raises UserError for an unknown one."""
         import cv2
 
@@ -111,15 +111,15 @@ class Board:
         """Return the `cv2.aruco.CharucoBoard`. Raises UserError for a dictionary that is unknown or too small."""
         import cv2
 
-        words = self.words()
-        if len(words.bytesList) < self.columns * self.rows // 2:
+        markers = self.markers()
+        if len(markers.bytesList) < self.columns * self.rows // 2:
             raise UserError(
                 "the dictionary has fewer markers than the board",
                 key="--dictionary",
                 expected=f"{self.columns * self.rows // 2}",
-                got=f"{self.dictionary}: {len(words.bytesList)}",
+                got=f"{self.dictionary}: {len(markers.bytesList)}",
             )
-        board = cv2.aruco.CharucoBoard((self.columns, self.rows), self.square, self.marker, words)
+        board = cv2.aruco.CharucoBoard((self.columns, self.rows), self.square, self.marker, markers)
         board.setLegacyPattern(self.legacy)
         return board
 

@@ -214,7 +214,7 @@ def turn_views(
     Returns:
         The views and camera_T_board with one numbering; unchanged for a board that differs from its half turn.
     """
-    if not board.two_ways:
+    if not board.symmetric:
         return list(views), board_poses
     columns, rows = board.grid
     half = transform(np.array([0, 0, np.pi]), board.square * np.array([columns - 1, rows - 1, 0.0]))

@@ -201,7 +201,7 @@ def _tags(image: np.ndarray, board: Board) -> dict[int, np.ndarray]:
 
     how = cv2.aruco.DetectorParameters()
     how.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-    corners, ids, _ = cv2.aruco.ArucoDetector(board.words(), how).detectMarkers(image)
+    corners, ids, _ = cv2.aruco.ArucoDetector(board.markers(), how).detectMarkers(image)
     return {} if ids is None else {int(n): c.reshape(4, 2) for n, c in zip(np.ravel(ids), corners, strict=True)}
 
 

@@ -24,28 +24,27 @@ def context(record: Record) -> Mapping[str, object]:
     values = record.values
     first, last, unit = words.ladder_ends(values)
     floor = record.mapping("noise_floor")
-    figures = [(words.error_name(values), quantity(last, unit), words.against_floor(last, record.floor))]
+    name, against = words.error_name(values), words.against_floor(last, record.floor)
+    figures = [(name, quantity(last, unit), against)]
     if len(record.rows("ladder")) > 1:
-        name = words.error_name(values)
         name = name[0].lower() + name[1:]
-        figures.insert(0, ("Before", quantity(first, unit), name))
-        figures[1] = ("After", figures[1][1], words.against_floor(last, record.floor) or name)
+        figures = [("Before", quantity(first, unit), name), ("After", quantity(last, unit), against or name)]
     if record.floor is not None:
         figures.append(("Noise floor", quantity(record.floor, str(floor.get("unit") or unit)), _source(floor)))
     return {
         "verdict": values.get("verdict") if record.kind == "diagnosis" else None,
         "sentence": " ".join(filter(None, (*words.diverged(values), words.verdict(values), words.baseline(values)))),
-        "fall": words.fall(values),
+        "error_change": words.fall(values),
         "phases": contact_words.phases(values),
         "cameras": camera_words.cameras(values),
         "figures": figures,
         "picture": chart(lambda shape: ladder_figure(record, shape), "ladder", words.fall(values)),
         "ladder": ladder_rows(record),
         "fitted": any(number(row.get("fit_error")) is not None for row in record.rows("ladder")),
-        "onward": words.onward(values) if record.kind == "diagnosis" else "",
+        "next_step": words.onward(values) if record.kind == "diagnosis" else "",
         "reason": words.reason(values),
         "judged": _judged(record),
-        "residual": contact_words.left(values) if values.get("unexplained") else "",
+        "contact_residual": contact_words.left(values) if values.get("unexplained") else "",
         "robot": "" if record.robot is None else data_link(record.robot),
         "marks": _marks(record),
         "floor_unit_differs": bool(floor.get("unit")) and floor.get("unit") != unit and bool(unit),
