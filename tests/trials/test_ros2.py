@@ -228,7 +228,7 @@ slow = [pytest.mark.slow, pytest.mark.timeout(600)]  # installs ROS 2
 class TestOverRos2:
     pytestmark = slow
 
-    def test_a_policy_reaches_its_goal_and_a_shadow_moves_nothing(self, python, tmp_path):
+    def test_a_policy_reaches_its_goal_and_the_trial_is_compared(self, python, tmp_path):
         """Joints come in another order and with one more."""
         out = tmp_path / "trials"
         with arm(python, "--world", "nominal", "--seed", "3") as robot:
@@ -243,6 +243,7 @@ class TestOverRos2:
         trial = read_trial(out / "trial-0001")
         assert trial.said.outcome.success and trial.said.robot == "ros2" and trial.said.timing.steps > 4
         assert load(out / "trial-0001").outcomes[0].success
+        assert main(["compare", "iiwa14", "--recording", str(out / "trial-0001"), "--out", str(tmp_path / "c")]) == 0
 
     def test_other_names_another_frame_and_another_sensor_make_no_difference(self, python, tmp_path):
         """The poses that arrive are those of the trial, turned into the controller's frame."""

@@ -5,8 +5,8 @@ recordings it uses the predicted residual (cross-fitted), on the held-out ones o
 something is removed. First, members of groups that are useless on the fitted recordings are removed together, unless
 the held-out error then rises beyond chance. Then effects that the held-out recordings do not need are removed one by
 one. An effect that lowers the held-out error beyond chance, but by no visible share, is removed only if its interval
-includes null and it lowers the error by next to nothing.
-Otherwise it stays unnamed (`State.slight`). The first `n_fixed` effects of a world are not fitted and stay.
+includes null and it lowers the error by next to nothing. Otherwise it stays unnamed (`State.slight`). The first
+`n_fixed` effects of a world are not fitted and stay.
 """
 
 from __future__ import annotations
