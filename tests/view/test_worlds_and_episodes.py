@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from vispeg.core.errors import UserError
 from vispeg.evaluation.entrants import entrant
 from vispeg.evaluation.players import player
 from vispeg.task.environments.vector import TaskVec
@@ -44,7 +45,7 @@ def test_an_episode_is_that_of_the_task():
 
 def test_a_draw_shows_what_the_cameras_of_that_episode_see():
     heard = []
-    Draws(lambda name, value: heard.append((name, value))).draw("nominal", 5)
+    Draws(lambda name, value: heard.append((name, value))).draw("nominal", 5, {})
     (drawn,) = told(heard, "drawn")
     env = TaskVec(1, "nominal", obs_mode="rgbd")
     obs, _ = env.reset(seed=[5])
@@ -60,11 +61,34 @@ def test_what_was_drawn_is_told_in_the_words_and_units_of_the_sliders():
     assert in_words("object_mass(peg)", {"scale": 1.2})[1] == "scale 1.20"
 
 
-def test_a_saved_world_is_read_and_kept(tmp_path):
-    from vispeg.core.errors import UserError
-
-    made = Draws(lambda name, value: None)
-    text = "format: vispeg-world/1\nname: mine\nbase: [nominal]\neffects: []\n"
-    assert load_world(made.save(tmp_path / "mine.yaml", text)).name == "mine"
+def test_a_saved_world_has_the_moved_range_and_is_what_is_drawn(tmp_path):
+    heard = []
+    made = Draws(lambda name, value: heard.append((name, value)))
+    r = next(r for r in ranges("searching") if r.where in ("peg", "hole"))
+    moved = {(r.effect, r.where, r.param): (r.high, r.most)}
+    saved = made.save(tmp_path / "mine.yaml", "searching", moved)
+    world = load_world(saved)
+    assert world.name == "mine"
+    changed = {(e.effect, e.where, name): (value.low, value.high)
+               for e, f in zip(world.world.ranges, load_world("searching").world.ranges, strict=True)
+               for name, value in e.params.items() if value != f.params[name]}  # fmt: skip
+    assert changed == moved
+    made.draw("searching", 2, moved)
+    made.draw(saved, 2, {})
+    made.draw("searching", 2, {})
+    from_page, from_file, without = told(heard, "drawn")
+    assert from_page.values == from_file.values != without.values
     with pytest.raises(UserError, match="exists already"):
-        made.save(tmp_path / "mine.yaml", text)
+        made.save(tmp_path / "mine.yaml", "searching", {})
+
+
+def test_a_world_replaces_no_file_on_which_it_is_based(tmp_path):
+    made = Draws(lambda name, value: None)
+    first = made.save(tmp_path / "first.yaml", "nominal", {})
+    second = made.save(tmp_path / "second.yaml", first, {})
+    for opened in (first, second):
+        before = (tmp_path / "first.yaml").read_text()
+        with pytest.raises(UserError, match="based on this file"):
+            made.save(tmp_path / "first.yaml", opened, {}, overwrite=True)
+        assert (tmp_path / "first.yaml").read_text() == before
+    assert load_world(made.save(tmp_path / "second.yaml", first, {}, overwrite=True)).name == "second"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -366,15 +366,7 @@ def parts(source: str | Path) -> dict[str, str]:
     only combines other files adds nothing.
     """
     names: dict[str, str] = {}
-    todo, visited = [_path(source, None)], set()
-    while todo:
-        path = todo.pop()
-        if path.resolve() in visited:
-            continue
-        visited.add(path.resolve())
-        data = WORLD.read(path)
-        bases = _given(data, "base", [])
-        todo += [_path(base, path) for base in ([bases] if isinstance(bases, str) else bases)]
+    for path, data in _files(source):
         effects = [{k: v for k, v in entry.items() if k != "source"} for entry in _given(data, "effects", [])]
         model: Any = None
         if data.get("model") is not None:
@@ -386,3 +378,22 @@ def parts(source: str | Path) -> dict[str, str]:
             content = json.dumps([effects, model], sort_keys=True)
             names[hashlib.sha256(content.encode()).hexdigest()] = str(data.get("name", path.stem))
     return names
+
+
+def files(source: str | Path) -> list[Path]:
+    """Return the resolved paths of a valid world's file and of all its bases."""
+    return [path.resolve() for path, _ in _files(source)]
+
+
+def _files(source: str | Path) -> Iterator[tuple[Path, Mapping[str, Any]]]:
+    """Yield path and content of a world's file and of all its bases, each once."""
+    todo, visited = [_path(source, None)], set()
+    while todo:
+        path = todo.pop()
+        if path.resolve() in visited:
+            continue
+        visited.add(path.resolve())
+        data = WORLD.read(path)
+        bases = _given(data, "base", [])
+        todo += [_path(base, path) for base in ([bases] if isinstance(bases, str) else bases)]
+        yield path, data

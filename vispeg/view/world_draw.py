@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import mujoco
 import numpy as np
+import yaml
 
 from vispeg.core.effect import effect
+from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.render.image_kinds import kind_of, picture_of
 from vispeg.report.text import effect_words
 from vispeg.sim.compiled import compiled
 from vispeg.task.environments.vector import TaskVec
-from vispeg.task.world_file import load_world
+from vispeg.task.world_file import FORMAT, files, load_world
 from vispeg.worlds.distribution import LogUniform, Uniform
+from vispeg.worlds.entry import entry_dict
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,9 @@ class Range:
     most: float
 
 
+Moved = Mapping[tuple[str, str, str], tuple[float, float]]  # effect, place, parameter -> ends of its moved range
+
+
 @dataclass(frozen=True)
 class Drawn:
     """An episode's start: compiled cell, configuration, poses of bodies, pictures (H, W, 3) uint8, and drawn values."""
@@ -62,10 +69,16 @@ class Draws:
         """Send the ranges of a world. Raises UserError: no such world."""
         self.tell("ranges", ranges(world))
 
-    def draw(self, world: str, seed: int) -> None:
-        """Draw and send an episode's start. Raises UserError: no such world, or an impossible one."""
+    def draw(self, world: str, seed: int, moved: Moved) -> None:
+        """Draw and send an episode's start in a world with moved ranges.
+
+        Raises:
+            UserError: no such world, or an impossible one.
+        """
         self.tell("say", f"drawing seed {seed}")
-        env = TaskVec(1, world, obs_mode="rgbd", render_mode="rgb_array")
+        with TemporaryDirectory() as folder:
+            file = write_text_atomic(Path(folder) / "world.yaml", changed_text(world, "drawn", moved))
+            env = TaskVec(1, str(file) if moved else world, obs_mode="rgbd", render_mode="rgb_array")
         try:
             obs, _ = env.reset(seed=[seed])
             snapshot, values = env.sim.snapshot(0), env.drawn(0).values
@@ -78,10 +91,35 @@ class Draws:
         finally:
             env.close()
 
-    def save(self, file: Path, text: str, replace: bool = False) -> str:
-        """Write a world file; return its path. Raises UserError: it exists and `replace` is false, or is invalid."""
-        write_text_atomic(file, text, overwrite=replace)
+    def save(self, file: Path, world: str, moved: Moved, overwrite: bool = False) -> str:
+        """Write a world with moved ranges to a file, whose name it takes; return the path.
+
+        Raises:
+            UserError: no such world, it is this file or based on it, or the file exists and `overwrite` is false.
+        """
+        if file.resolve() in files(world):
+            raise UserError("the world is based on this file", file=file, expected="another name")
+        write_text_atomic(file, changed_text(world, file.stem, moved), overwrite=overwrite)
         return str(load_world(file).path)
+
+
+def changed_text(world: str, name: str, moved: Moved) -> str:
+    """Return the text of a world file with a world as its base, whose ranges are moved.
+
+    Raises:
+        UserError: no such world.
+    """
+    opened = load_world(world)
+    base = str(opened.path.resolve()) if Path(world).suffix else world
+    entries = []
+    for entry in opened.world.ranges:
+        params: dict[str, Any] = dict(entry.params)
+        for param, old in entry.params.items():
+            if (ends := moved.get((entry.effect, entry.where, param))) is not None:
+                params[param] = (LogUniform if isinstance(old, LogUniform) else Uniform)(*ends)
+        if params != dict(entry.params):
+            entries.append(entry_dict(replace(entry, params=params, source="chosen on the page")))
+    return yaml.safe_dump({"format": FORMAT, "name": name, "base": [base], "effects": entries}, sort_keys=False)
 
 
 def in_words(label: str, values: Mapping[str, float]) -> tuple[str, str]:

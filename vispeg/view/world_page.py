@@ -5,13 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from vispeg.api.library.catalogue import worlds
-from vispeg.core.files import write_text_atomic
 from vispeg.core.provenance import command_line
 from vispeg.report.text import effect_words
-from vispeg.task.world_file import FORMAT, load_world
 from vispeg.view import html
 from vispeg.view.choice import Choice
 from vispeg.view.drawing import Drawing
@@ -19,8 +15,6 @@ from vispeg.view.gallery import Gallery
 from vispeg.view.job import Job
 from vispeg.view.place import CELL, Page, Place
 from vispeg.view.world_draw import Drawn, Draws, Range
-from vispeg.worlds.distribution import LogUniform, Uniform
-from vispeg.worlds.entry import entry_dict
 
 NEXT = "Draw other seeds, or move the ends of a range: the cell is drawn again. Then keep the world as a file."
 STEPS = 200  # number of steps of a slider
@@ -67,11 +61,12 @@ class WorldPage(Page):
         self.seed.on_update(lambda _: self.draw())
         self.other.on_click(lambda _: self._next())
         self.save.on_click(lambda _: self._save())
-        self.name.on_update(lambda _: self._named())
+        self.name.on_update(lambda _: self._renamed())
 
     def open(self) -> None:
         """Show the ranges of the chosen world, and draw it."""
         self.opened = self.world.value
+        self._ranges([])  # those of another world do not apply, also if this one cannot be opened
         if self.job.start is None:
             self.job.begin(Draws, ())
         self.job.ask("open", self.opened)
@@ -83,9 +78,8 @@ class WorldPage(Page):
             self.again = True
             return
         self.again = False
-        world = self.opened if not self._changed() else str(self._file())
         self._commands()
-        self.job.ask("draw", world, int(self.seed.value))
+        self.job.ask("draw", self.opened, int(self.seed.value), self._moved())
 
     def receive(self, name: str, value: Any) -> None:
         """Handle a message (name, value) from the worker."""
@@ -119,33 +113,15 @@ class WorldPage(Page):
         """End the worker."""
         self.job.end()
 
-    def text(self) -> str:
-        """Return the text of a world file: the opened world as base, with the changed ranges."""
-        base = self.opened if not Path(self.opened).suffix else str(Path(self.opened).resolve())
-        moved = {(r.effect, r.where, r.param): s.value for r, s in self._changed()}
-        entries = []
-        for entry in load_world(self.opened).world.ranges:
-            params: dict[str, Any] = dict(entry.params)
-            for param, old in entry.params.items():
-                if (ends := moved.get((entry.effect, entry.where, param))) is not None:
-                    kind = LogUniform if isinstance(old, LogUniform) else Uniform
-                    params[param] = kind(float(ends[0]), float(ends[1]))
-            if params != dict(entry.params):
-                changed = type(entry)(**{**entry.__dict__, "params": params, "source": "chosen on the page"})
-                entries.append(entry_dict(changed))
-        name = str(self.name.value) or "mine"
-        return yaml.safe_dump({"format": FORMAT, "name": name, "base": [base], "effects": entries}, sort_keys=False)
+    def _moved(self) -> dict[tuple[str, str, str], tuple[float, float]]:
+        """Return the ranges whose sliders were moved: effect, place, parameter -> ends."""
 
-    def _changed(self) -> list[tuple[Range, Any]]:
         def moved(r: Range, s: Any) -> bool:
             step = (r.most - r.least) / STEPS
             return abs(s.value[0] - r.low) > 0.6 * step or abs(s.value[1] - r.high) > 0.6 * step
 
-        return [(r, s) for r, s in self.sliders if moved(r, s)]
-
-    def _file(self) -> Path:
-        """Write the world with the sliders' ranges into a hidden file; return its path."""
-        return write_text_atomic(self.place.out / ".world.yaml", self.text(), overwrite=True)
+        ends = {(r.effect, r.where, r.param): s.value for r, s in self.sliders if moved(r, s)}
+        return {place: (float(low), float(high)) for place, (low, high) in ends.items()}
 
     def _ranges(self, ranges: list[Range]) -> None:
         for folder in self.folders:
@@ -186,11 +162,14 @@ class WorldPage(Page):
         self.drawn.content = html.drawn(drawn.values)
 
     def _next(self) -> None:
-        self.seed.value = int(self.seed.value) + 1
-        self.draw()
+        self.seed.value = int(self.seed.value) + 1  # its update draws
+
+    def _renamed(self) -> None:
+        self._named()
+        self._commands()
 
     def _named(self) -> None:
-        """Label the save button: it says whether a file would be replaced."""
+        """Label the save button: it names the file that would be replaced."""
         target = self._target()
         self.save.label = f"Replace {target.name}" if target.exists() else "Write the world file"
 
@@ -199,13 +178,13 @@ class WorldPage(Page):
         words = str(self.save.label)
         self._named()
         if str(self.save.label) == words:  # otherwise it has appeared in the meantime: the button says so now
-            self.job.ask("save", self._target(), self.text(), self._target().exists())
+            self.job.ask("save", self._target(), self.opened, self._moved(), self._target().exists())
 
     def _target(self) -> Path:
         return self.place.out / "worlds" / f"{Path(str(self.name.value) or 'mine').name}.yaml"
 
     def _commands(self) -> None:
-        world = self.opened if not self._changed() else str(self._target())
+        world = self.opened if not self._moved() else str(self._target())
         out = str(self.place.out / "frames")
         words = ["render", "--world", world, "--frames", "8", "--seed", str(int(self.seed.value)), "--out", out]
         self.commands.content = html.commands([command_line(["vispeg", *words])])
