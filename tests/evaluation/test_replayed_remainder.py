@@ -17,6 +17,7 @@ from vispeg.worlds.world import World
 NOISE = 3.0  # N m
 HIDDEN = {
     "noise": "{effect: torque_noise, where: joint2, params: {rms: 3.0, time: 0.15}}",
+    "drag": "{effect: viscous_friction, where: joint2, params: {damping: 20.0}}",
     "friction": "{effect: coulomb_friction, where: joint4, params: {torque: 6.0}}",
 }
 
@@ -73,6 +74,17 @@ def test_what_an_unknown_torque_leaves_is_that_torque(recordings):
     rms = np.sqrt(np.mean(np.concatenate([m.torque for m in missing]) ** 2, axis=0))
     assert rms[1] == pytest.approx(0.96 * NOISE, rel=0.15), "below 8 Hz is 92 % of its power, short trials scatter"
     assert np.delete(rms, 1).max() < 0.2, "and no other joint"
+
+
+def test_the_missing_torque_acts_on_the_links_as_what_was_hidden_does(recordings):
+    """Hidden viscous friction of 20 N m s/rad: its missing torque is that, against the motion."""
+    torque, speed = [], []
+    for rec in recordings["drag"]:
+        if (m := missing_of(rec, World("iiwa14"))) is not None:
+            torque.append(m.torque[:, 1])
+            speed.append(np.interp(m.time, rec.time - rec.time[0], np.gradient(rec.q[:, 1], rec.time)))
+    torque, speed = np.concatenate(torque), np.concatenate(speed)
+    assert speed @ torque / (speed @ speed) == pytest.approx(-20.0, rel=0.05)
 
 
 def test_the_right_model_leaves_nothing_though_a_joint_sticks(recordings):

@@ -1,10 +1,11 @@
 """Play back the torque that no named cause explains: resampled in blocks, it disturbs the arm of the identified world.
 
 For each recording, the torque commanded by its controller and the joint torque of the measured contact wrench are
-known. Inverse dynamics in the identified world give the torque that the motion needed. The difference is the missing
-torque, in free air and in contact. Blocks of it, of all joints at once to keep their correlation, are drawn with
-replacement and joined: the moving-block bootstrap (H. R. Kunsch, Annals of Statistics 17 (1989) 1217). A block is twice
-the integrated autocorrelation time long, which keeps nearly all of the correlation in time.
+known. Inverse dynamics in the identified world give the torque that the motion needed. What it needed beyond what is
+known is the missing torque: applied to the links of the identified world, it makes them move as measured, in free air
+and in contact. Blocks of it, of all joints at once to keep their correlation, are drawn with replacement and joined:
+the moving-block bootstrap (H. R. Kunsch, Annals of Statistics 17 (1989) 1217). A block is twice the integrated
+autocorrelation time long, a lag beyond which the correlation is small, and at least 0.1 s.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from vispeg.sim.touch import touch
 from vispeg.worlds.world import World
 
 SHORTEST = 0.1  # s, shortest block: correlation in less time is due to the filter of the motion, not to a disturbance
-RUNS_A_PIECE = 2  # fewest blocks in a recording that is resampled
+BLOCKS = 2  # recordings shorter than this many blocks are resampled only if none is longer
 CONTROLLED = ("osc", "position", "torque")  # control modes with a known commanded torque
 
 
@@ -40,7 +41,7 @@ class Missing:
     Attributes:
         name: name of the recording.
         time: (m,) s, evenly spaced.
-        torque: (m, nj) N m, torque that makes the identified world's arm move as measured, below 8 Hz.
+        torque: (m, nj) N m, torque on the links that makes the identified world's arm move as measured, below 8 Hz.
         touching: (m,) bool, whether the arm is in contact.
     """
 
@@ -51,7 +52,9 @@ class Missing:
 
 
 def missing_of(rec: Recording, world: World) -> Missing | None:
-    """Return the missing torque of a world along a recording; None if the recording is too short or has gaps.
+    """Return the missing torque of a world along a recording.
+
+    None if the recording is too short, has gaps or several episodes, or was not sampled at each control tick.
 
     Raises:
         UserError: the recording's controller is not known.
@@ -74,7 +77,7 @@ def missing_of(rec: Recording, world: World) -> Missing | None:
     evidence = TorqueEvidence([replace(rec, tau=low, torque_sensor="motor", ft=None, wrench=None)])
     item, (least, most) = evidence.items[0], evidence.torque_range(0, world)
     valid = item.valid.all(axis=1)
-    rest = (item.measured - np.clip(item.measured, least, most))[valid]
+    rest = (np.clip(item.measured, least, most) - item.measured)[valid]
     return Missing(rec.name, item.segment.time[valid], rest, touching[item.segment.rows][valid])
 
 
@@ -129,8 +132,8 @@ class Remainder:
     period: float
     block: float
     tick: float
-    names: tuple[str, ...] = ()
-    touching: tuple[np.ndarray, ...] = ()
+    names: tuple[str, ...]
+    touching: tuple[np.ndarray, ...]
 
     @classmethod
     def of(
@@ -153,7 +156,7 @@ class Remainder:
         if not whole:
             return None
         block = max(SHORTEST, 2 * time_constant([rows for _, (rows, _) in whole], period))
-        kept = [(m, rows, on) for m, (rows, on) in whole if len(rows) * period >= RUNS_A_PIECE * block]
+        kept = [(m, rows, on) for m, (rows, on) in whole if len(rows) * period >= BLOCKS * block]
         kept = kept or [(m, rows, on) for m, (rows, on) in whole]
         square = np.mean(np.concatenate([rows for _, rows, _ in kept]) ** 2, axis=0)
         least = np.mean(np.concatenate([m.torque for m in floor]) ** 2, axis=0) if floor else np.zeros(len(joints))
@@ -205,5 +208,5 @@ def _even(m: Missing, period: float) -> tuple[np.ndarray, np.ndarray]:
     """Return a recording's missing torque (k, nj) N m, and whether the arm is in contact (k,), every `period` s."""
     at = np.arange(m.time[0], m.time[-1] + 1e-9, period)
     rows = np.stack([np.interp(at, m.time, column) for column in m.torque.T], axis=1)
-    near = np.clip(np.searchsorted(m.time, at - 1e-9), 0, len(m.time) - 1)
-    return rows, m.touching[near]
+    after = np.clip(np.searchsorted(m.time, at - 1e-9), 0, len(m.time) - 1)
+    return rows, m.touching[after]
