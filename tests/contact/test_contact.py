@@ -53,6 +53,26 @@ def chi2(recordings, world=World()) -> float:  # noqa: B008
     return float(r @ r / evidence.count)
 
 
+def test_the_hand_touches_the_world_s_geoms_as_the_scene_does():
+    """Whatever affects contact of a user's table: friction in more directions, a margin, another mixing weight."""
+
+    def changed():
+        spec = SCENE.spec()
+        for geom in spec.worldbody.geoms:
+            geom.condim, geom.margin, geom.gap, geom.solmix = 6, 2e-3, 1e-3, 3.0
+            geom.friction, geom.priority = (0.4, 0.01, 0.002), 1
+        return spec
+
+    scene = replace(SCENE, build=changed)
+    ours, whole = hand(scene, grasp(0.1, 5e-5)).compile(), scene.compile()
+    names = [g.name for g in scene.spec().worldbody.geoms if g.contype or g.conaffinity]
+    assert names
+    for field in ("condim", "margin", "gap", "solmix", "friction", "priority", "solref", "solimp", "size", "pos"):
+        for name in names:
+            got, expected = (getattr(m.geom(name), field) for m in (ours, whole))
+            np.testing.assert_array_equal(got, expected, err_msg=f"{field} of {name}")
+
+
 def test_the_jacobian_of_the_hand_is_mujoco_s():
     """Power of a wrench: forces of the joints are J' w with the Jacobian of the flange's point."""
     model = hand(SCENE, grasp(0.1, 5e-5)).compile()

@@ -16,7 +16,7 @@ from vispeg.evaluation.entrants import entrant, entrants, refuse_trained_on
 from vispeg.evaluation.jobs import FIRST_SEED, STATE_ROWS, Job, Pushes, Setting, make_jobs, seeds_of
 from vispeg.evaluation.overlay import Change, overlay
 from vispeg.evaluation.records import Episode, read
-from vispeg.evaluation.runner import EPISODES, failures, run
+from vispeg.evaluation.runner import EPISODES, each, failures, run
 from vispeg.learn.envs import HELD_OUT
 from vispeg.task.world_file import load_world, parts
 
@@ -86,6 +86,24 @@ def test_a_world_that_filament_draws_is_played_by_processes_that_end_with_their_
         jobs = [replace(job, world=world) for job in jobs]
         where = {e.time for e in run(jobs, tmp_path / world, workers=1, arena=fake.where)}
         assert len(where) == processes and (os.getpid() in where) == (world == "S")
+
+
+def test_a_policy_that_cannot_be_sent_is_told_what_helps(tmp_path):
+    """In a world that Filament renders even one worker is another process."""
+
+    class Local:
+        def reset(self, n):
+            pass
+
+        def act(self, obs):
+            return np.zeros((len(obs["state"]), 6))
+
+    for world, workers, helps in (("S", 2, True), ("V", 1, False)):
+        jobs = make_jobs(entrants([Local()]), [Setting(world, world)], range(2 * STATE_ROWS), tmp_path)
+        jobs = [part for job in jobs for part in replace(job, world=world).split(STATE_ROWS)]
+        with pytest.raises(UserError, match="cannot be sent to another process") as error:
+            [*each(jobs, workers, coin)]
+        assert ("workers=1" in str(error.value)) is helps
 
 
 def test_a_policy_that_cannot_be_played_leaves_no_record_so_that_the_repaired_one_is_not_another(policy, tmp_path):

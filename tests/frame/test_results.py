@@ -50,6 +50,9 @@ def test_pictures_of_results(results):
     lines = [line for line in figure.axes[0].get_lines() if len(line.get_xdata()) > 10]
     measured = results["compare"][0].arrays["0/measured"][:, 0]
     assert any(np.isclose(np.nanmax(line.get_ydata()), measured.max(), atol=1e-3) for line in lines)
+    for number in (-1, 99):
+        with pytest.raises(vispeg.UserError, match="no such recording"):
+            results["compare"][0].plot(number)
     figure = results["fit"][0].plot()
     assert figure.axes and figure._repr_png_().startswith(b"\x89PNG"), "a notebook shows it without pyplot"
     axes = results["evaluate"][0].plot().axes[0]

@@ -11,6 +11,7 @@ from typed import convert as typed_convert
 
 from vispeg.api.recording.convert import convert
 from vispeg.core.errors import UserError
+from vispeg.recordings.importers.bagfile import messages, open_bag
 from vispeg.recordings.importers.clock import hold, linear, poses
 from vispeg.recordings.importers.mapping import ColumnMap
 from vispeg.recordings.importers.rosbag import Topics, import_rosbag
@@ -166,6 +167,13 @@ def test_damaged_bags(tmp_path, kind):
             assert "\n" not in str(error)
     with pytest.raises(UserError, match="not exist"):
         import_rosbag(tmp_path / "gone.bag", "iiwa14", JOINTS)
+
+
+def test_what_the_caller_raises_is_not_told_as_a_damaged_bag(tmp_path):
+    path = bag(tmp_path / "run", "db3", made(20))
+    with pytest.raises(ZeroDivisionError), open_bag(path) as reader:
+        for _ in messages(reader, "/joint_states", "sensor_msgs/msg/JointState", path):
+            1 / 0  # noqa: B018
 
 
 def test_interpolation_leaves_gaps_and_ends_alone():

@@ -107,6 +107,45 @@ def test_start_state_is_smoothed_measurement():
     assert np.sqrt(np.mean((s.dq - rate)[inner] ** 2)) < 5e-3
 
 
+def slow_log(q, rate, sigma):
+    control = Control("servo", rate, "model", KP, KD)
+    time = np.arange(len(q)) / rate
+    return Recording(Path("slow"), "iiwa14", JOINTS, rate, control, time, q, q_cmd=q, noise={"q": sigma})
+
+
+def test_a_servo_s_start_is_estimated_from_readings_not_from_points_between_them():
+    """At rest, 30 Hz: the velocity error is that of a cubic over 0.6 s of 19 readings (see test_start)."""
+    rng, sigma = np.random.default_rng(2), 1e-3
+    logs = [slow_log(rng.normal(scale=sigma, size=(60, 7)), 30.0, sigma) for _ in range(60)]
+    found = [segments(log)[0].dq[0] for log in logs]
+    expected = 10 * np.sqrt(12) * sigma / (0.6 * np.sqrt(19))
+    # the median, as in one draw of 20 noise alone shortens the window
+    assert 0.8 * expected < np.median(np.abs(found)) / 0.6745 < 1.35 * expected
+
+
+def test_a_log_with_few_readings_does_not_start_at_rest():
+    """8 Hz leaves five readings in the longest window: too few for a fit, enough for a velocity."""
+    time = np.arange(40) / 8.0
+    (s,) = segments(slow_log(0.2 * time[:, None] * np.ones(7), 8.0, 1e-4))
+    np.testing.assert_allclose(s.dq[0], 0.2, atol=1e-6)
+
+
+def test_poses_between_samples_do_not_depend_on_the_signs_of_quaternions():
+    turn = 0.4 * np.arange(300) / 300
+    pose = np.column_stack([*np.full((3, 300), 0.3), np.cos(turn / 2), np.sin(turn / 2), 0 * turn, 0 * turn])
+    osc = recording(n=300, rate=250.0, q_cmd=None, ee_cmd=pose, control=Control("osc", 500.0, "model"))
+    mixed = pose.copy()
+    mixed[100:150, 3:] *= -1
+    mixed[120, 3:] = np.nan
+    (s,), (other,) = segments(osc), segments(replace(osc, ee_cmd=mixed))
+    np.testing.assert_allclose(other.command["ee_cmd"], s.command["ee_cmd"], atol=1e-6)
+    np.testing.assert_allclose(s.command["ee_cmd"][:, 4], np.sin(0.2 * np.arange(599) / 600), atol=1e-6)
+
+
+def test_a_stretch_shorter_than_a_control_period_is_no_segment():
+    assert segments(recording(rate=500.0, control_rate=100.0, n=3)) == []
+
+
 def test_what_follows_from_the_posture_is_the_same_however_many_are_simulated_at_once(monkeypatch):
     """Gravity, its slope and inertia along a motion, bit for bit; the memory of a long one is that of a short one."""
     robot, (s,) = load("iiwa14"), segments(recording())

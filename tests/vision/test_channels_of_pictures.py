@@ -69,6 +69,12 @@ def test_holes_and_borders_are_apart_from_the_interior(seen):
     assert fill == pytest.approx(100 * (1 - inside / residual.interior.sum()))
 
 
+def test_without_interior_pixels_there_is_no_fill_rate(seen):
+    empty = replace(seen, depth=np.zeros_like(seen.depth))
+    quality = depth_quality(seen.depth, empty, depth_residual(seen.depth, empty), FLAT)
+    assert quality.fill_rate is None and quality.distance is None
+
+
 def test_gain_and_offset_are_no_error_and_vignetting_is(seen):
     gain, offset = np.array([1.4, 0.9, 1.2]), 0.01
     measured = encoded((TO_LINEAR[seen.rgb] * gain + offset).astype(np.float32))

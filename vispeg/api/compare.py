@@ -14,6 +14,7 @@ from vispeg.api.result import Result, Traced
 from vispeg.channels.channel import CHANNELS, How
 from vispeg.channels.pictures import seen
 from vispeg.channels.resolve import resolve
+from vispeg.core.errors import UserError
 from vispeg.diagnosis.schema import ComparisonRecord
 from vispeg.kernels.threads import one_blas_thread
 from vispeg.recordings.cell import OPEN_CELL
@@ -69,14 +70,19 @@ class ComparisonResult(Result, Traced):
 
         Args:
             recording: number of the recording, from 0.
+
+        Raises:
+            UserError: no such recording, or only pictures were compared.
         """
         from vispeg.report.drawings.figures import WIDE, styled
         from vispeg.report.evidence import evidence_of
         from vispeg.report.sections.measured_vs_model import trace_figure
 
         evidence = evidence_of(self.arrays)
-        if recording >= len(evidence.traces):
+        if not evidence.traces:
             return super().plot()
+        if not 0 <= recording < len(evidence.traces):
+            raise UserError("no such recording", expected=f"a number from 0 to {len(evidence.traces) - 1}", got=recording)
         with styled(WIDE):
             return trace_figure(evidence.traces[recording], evidence.joints, 1500, WIDE)
 

@@ -20,6 +20,8 @@ AXES = ("x", "y", "z", "rx", "ry", "rz")
 FRAME = "hand"  # the body that stands for the flange
 PRIORITY = 2  # priority of the goal's pieces over what is held, see `vispeg.contact.pieces`
 MARK = "attached-"  # MuJoCo needs a prefix for elements attached from another spec
+COPIED = ("name", "type", "size", "pos", "quat", "contype", "conaffinity", "condim", "priority", "friction")
+COPIED += ("solmix", "solref", "solimp", "margin", "gap")
 
 
 @dataclass(frozen=True)
@@ -86,9 +88,8 @@ def _spec(scene: Scene, hold: Grasp) -> mujoco.MjSpec:
 
 
 def _copied(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> None:
-    """Add a copy of a geom of the world itself: the table."""
-    same = {k: getattr(geom, k) for k in ("name", "type", "size", "pos", "quat", "contype", "conaffinity", "friction")}
-    spec.worldbody.add_geom(**same, solref=geom.solref, solimp=geom.solimp, priority=geom.priority)
+    """Add a copy of a geom of the world body, such as the table's, with all that affects contact."""
+    spec.worldbody.add_geom(**{k: getattr(geom, k) for k in COPIED})
 
 
 def _spring(spec: mujoco.MjSpec, axis: str, kind: str, gain: float) -> None:

@@ -89,7 +89,7 @@ def each(todo: Sequence[J], workers: int, arena: Callable[[J], R], engine: Engin
         yield from (arena(job) for job in todo)
         return
     for who in {id(job.entrant.source): job.entrant for job in todo if not job.entrant.stored}.values():
-        _sendable(who)
+        _sendable(who, "MODULE:CLASS" if tasks or engine == "ray" else "MODULE:CLASS, or workers=1")
     if engine == "ray":
         yield from (result for _, result in on_ray(arena, todo, workers, what="part", tasks=tasks))
         return
@@ -101,13 +101,13 @@ def each(todo: Sequence[J], workers: int, arena: Callable[[J], R], engine: Engin
                 yield future.result()
 
 
-def _sendable(who: Entrant) -> None:
-    """Raise UserError for a policy object that cannot be sent to another process."""
+def _sendable(who: Entrant, expected: str) -> None:
+    """Raise UserError for a policy object that cannot be sent to another process, with what is expected instead."""
     try:
         pickle.dumps(who.source)
     except Exception as error:  # pickle and what it calls raise many kinds
         what = f"{who.name} cannot be sent to another process, as workers and worlds rendered by Filament require"
-        raise UserError(what, expected="MODULE:CLASS, or workers=1", got=str(error)[:100]) from error
+        raise UserError(what, expected=expected, got=str(error)[:100]) from error
 
 
 def _same_run(jobs: Sequence[Job], out: Path) -> str:

@@ -29,7 +29,7 @@ class DepthResidual:
         error: m, measured minus predicted; NaN where either has no reading.
         interior: bool, away from borders, with a prediction.
         band: bool, along a border.
-        missing: bool, no reading where there should be one.
+        missing: bool, no reading where the prediction has one.
     """
 
     error: np.ndarray
@@ -39,7 +39,7 @@ class DepthResidual:
 
 
 def depth_residual(measured: np.ndarray, rendering: Rendering, clear: int = CLEAR, band: int = BAND) -> DepthResidual:
-    """Measured minus predicted depth.
+    """Subtract predicted from measured depth.
 
     Args:
         measured: (H, W) m, 0 = no reading.
@@ -63,10 +63,10 @@ def depth_residual(measured: np.ndarray, rendering: Rendering, clear: int = CLEA
 
 @dataclass(frozen=True)
 class DepthQuality:
-    """Figures of depth pictures, in librealsense's words; None where there is too little to tell.
+    """The figures of one depth picture, in librealsense's words; None where there is too little to tell.
 
     Attributes:
-        fill_rate: % of the interior pixels that have a reading.
+        fill_rate: % of the interior pixels that have a reading; None without interior pixels.
         z_accuracy: % of the distance, median of the signed error on the interior.
         plane_fit_rms: % of the distance, RMS off a plane fitted to the measured points of a flat part.
         plane_fit_rms_mm: the same in mm.
@@ -74,7 +74,7 @@ class DepthQuality:
         distance: m, median.
     """
 
-    fill_rate: float
+    fill_rate: float | None
     z_accuracy: float | None
     plane_fit_rms: float | None
     plane_fit_rms_mm: float | None
@@ -95,7 +95,7 @@ def depth_quality(
     """
     inside, read = residual.interior, measured > 0
     both = inside & read
-    fill = 100.0 * float(both.sum()) / max(int(inside.sum()), 1)
+    fill = 100.0 * float(both.sum()) / int(inside.sum()) if inside.any() else None
     if not both.any():
         return DepthQuality(fill, None, None, None, None, None)
     accuracy = 100.0 * float(np.median(residual.error[both] / rendering.depth[both]))
@@ -107,7 +107,7 @@ def depth_quality(
 
 
 def _plane(z: np.ndarray, rays: np.ndarray, focal: float) -> tuple[float, float, float]:
-    """RMS off the plane through points z * rays: % of the distance, mm, and px of disparity.
+    """Return the RMS distance from a plane fitted to points z * rays: % of the distance, mm, and px of disparity.
 
     On a plane 1 / z is linear in the ray's X / Z and Y / Z, so that it is fitted where noise is even (disparity); the
     distance from the plane is taken along its normal.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -21,10 +21,13 @@ STORAGES = {".db3": "sqlite3", ".mcap": "mcap"}
 
 @contextmanager
 def open_bag(path: Path) -> Iterator[Any]:
-    """Open a `rosbags.highlevel.AnyReader`; any error while reading becomes a UserError.
+    """Open a `rosbags.highlevel.AnyReader`.
 
     Args:
         path: a .bag file, a ROS 2 bag folder, or a .db3 or .mcap file with or without its folder's metadata.yaml.
+
+    Raises:
+        UserError: rosbags is not installed, there is no such file, or it is not a bag.
     """
     try:
         from rosbags.highlevel import AnyReader
@@ -35,16 +38,22 @@ def open_bag(path: Path) -> Iterator[Any]:
         raise UserError("does not exist", file=path)
     for part in (path, *(path.iterdir() if path.is_dir() else ())):
         refuse_special(part)
-    with TemporaryDirectory() as scratch:
-        try:
+    with TemporaryDirectory() as scratch, ExitStack() as opened:
+        with _reading(path):
             folder = _with_metadata(path, Path(scratch)) if path.suffix in STORAGES else path
-            with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-                yield reader
-        except UserError:
-            raise
-        except Exception as error:  # on a damaged file the reader can raise any exception
-            said = str(error).splitlines()[0] if str(error) else type(error).__name__
-            raise UserError(f"is not a bag that can be read: {said}", file=path) from error
+            typestore = get_typestore(Stores.ROS2_HUMBLE)
+            reader = opened.enter_context(AnyReader([folder], default_typestore=typestore))
+        yield reader
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    """Turn what the reader raises on a damaged file, which can be any exception, into a UserError."""
+    try:
+        yield
+    except Exception as error:
+        said = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise UserError(f"is not a bag that can be read: {said}", file=path) from error
 
 
 def _with_metadata(path: Path, scratch: Path) -> Path:
@@ -85,18 +94,23 @@ def topics_of(reader: Any, kind: str) -> list[str]:
 
 
 def messages(reader: Any, topic: str, kind: str, path: Path) -> Iterator[tuple[float, float, Any]]:
-    """Yield (header stamp ns, bag time ns, message) of one topic, in the bag's order. Raises UserError: no messages."""
+    """Yield (header stamp ns, bag time ns, message) of one topic, in the bag's order.
+
+    Raises:
+        UserError: no such topic, it has another type than `kind`, or the bag is damaged.
+    """
     connections = [c for c in reader.connections if c.topic == topic]
     if not connections:
         raise UserError("no such topic", file=path, got=topic, choices=sorted({c.topic for c in reader.connections}))
     if any(c.msgtype != kind for c in connections):
         raise UserError(f"topic {topic} has another type", file=path, expected=kind, got=connections[0].msgtype)
     count = 0
-    for connection, at, raw in reader.messages(connections=connections):
-        count += 1
-        message = reader.deserialize(raw, connection.msgtype)
-        stamp = message.header.stamp
-        yield int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec), int(at), message
+    with _reading(path):  # what the caller raises between messages does not come here
+        for connection, at, raw in reader.messages(connections=connections):
+            count += 1
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp = message.header.stamp
+            yield int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec), int(at), message
     promised = sum(c.msgcount for c in connections)
     if count != promised:
         note(f"{path}: {topic} holds {count} of the {promised} messages that its index names")
