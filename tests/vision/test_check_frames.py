@@ -13,10 +13,12 @@ from vispeg.identify.motions.look_motion import look_motion
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.frames.camera import RecordedCamera
 from vispeg.recordings.frames.frames import Frames, RecordedFrame
+from vispeg.render.cameras.standard import standard_cameras
+from vispeg.task.start import home
 from vispeg.vision.blur import softness
 from vispeg.vision.borders import Borders, borders_of
 from vispeg.vision.check import check_frames, warnings_of
-from vispeg.vision.excites import View, _of_time, excited
+from vispeg.vision.excites import View, _of_time, _robot, excited
 from vispeg.vision.predict import Predictor
 from vispeg.vision.search import search
 from vispeg.worlds.world import World
@@ -65,6 +67,27 @@ def test_softness_is_the_blur_that_was_put_in(sigma):
     )
     found = softness(picture, borders, search(picture, borders))
     assert np.nanmedian(found) == pytest.approx(np.hypot(sigma, 0.3), rel=0.1)
+
+
+@pytest.mark.parametrize(("camera", "moved"), [("wrist_wide", "standing"), ("external", "carried")])
+def test_the_arm_s_repeatability_moves_what_it_carries_against_the_rest(camera, moved):
+    """Seen from the wrist the scene moves; seen from a fixed camera, the hand."""
+    scene = scene_of(CELL)
+    assert scene is not None
+    cameras = [c for c in standard_cameras() if c.name == camera]
+    with Predictor(scene, cameras) as predictor:
+        geometry = predictor.geometry
+        view = View(borders_of(predictor.draw(camera, home(scene)), geometry), home(scene), np.zeros(7))
+        names = [("camera_offset", axis) for axis in ("x", "y", "z", "rx", "ry", "rz")]
+        found = _robot([np.ones(len(view.borders))] * 6, names, view, geometry, camera)
+    hand = scene.compile().body("tool").id
+    model = geometry.model
+    weld = model.body_weldid[view.borders.body]
+    standing, carried = weld == 0, weld == model.body_weldid[hand]
+    assert min(standing.sum(), carried.sum()) > 5
+    rows = {"standing": standing, "carried": carried}
+    assert (found[rows.pop(moved)] == np.repeat([1e-4, 3.5e-4], 3)).all()
+    assert not found[next(iter(rows.values()))].any()
 
 
 def told(name, scene, cameras, fixed=False):

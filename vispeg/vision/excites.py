@@ -1,8 +1,9 @@
-"""Which errors of a camera a set of frames can tell: what its borders would say of each, all of them unknown at once.
+"""Compute how well frames determine a camera's errors, from its predicted borders, with all errors unknown at once.
 
-Borders move by the projection alone, so their derivatives by each number of each effect come from finite differences
-without drawing. All numbers of a camera are free together with where things stand; the robot's own repeatability
-moves each view anew. What motions leave in the dark: see `vispeg.identify.motions.look_motion`.
+Borders move by the projection alone, so their derivatives by each parameter of each effect come from finite
+differences without drawing. All parameters of a camera are free, together with the places of things that stand in the
+scene. The arm does not come back exactly to a pose: an error of the flange, independent in each view, moves what it
+carries relative to the rest. For motions that determine these errors see `vispeg.identify.motions.look_motion`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from vispeg.vision.borders import Borders
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
-# effect -> parameter: step of the difference, what counts as told (1 sigma), unit it is said in, factor to it
+# effect -> parameter: step of the difference, sigma below which it is determined (both in the parameter's unit), unit
+# in which it is reported, factor to that unit
 NUMBERS: dict[str, dict[str, tuple[float, float, str, float]]] = {
     "focal_error": {"fx": (1e-4, 2e-3, "%", 100.0), "fy": (1e-4, 2e-3, "%", 100.0)},
     "principal_point_error": {"x": (1e-2, 0.5, "px", 1.0), "y": (1e-2, 0.5, "px", 1.0)},
@@ -27,18 +29,26 @@ NUMBERS: dict[str, dict[str, tuple[float, float, str, float]]] = {
         **{axis: (1e-5, 1.75e-3, "deg", 57.29578) for axis in ("rx", "ry", "rz")},
     },
 }
-# effect, parameter, what counts as told, unit, factor: in the order of `_of_time`
+# effect, parameter, sigma below which it is determined, unit, factor: in the order of `_of_time`
 TIMES = (("camera_delay", "delay", 2e-3, "ms", 1e3), ("rolling_shutter", "readout", 4e-3, "ms", 1e3))
-FIXTURE_PRIOR = 5e-3  # m: where a thing stands is known no better
+FIXTURE_PRIOR = 5e-3  # m, sigma of the known place of a thing
 STEP = 1e-5  # m, of the difference that moves a thing
-ROBOT_M, ROBOT_RAD = 1e-4, 3.5e-4  # m, rad: how well an arm comes back to a pose
-BORDER = 1.5  # px, of a border by itself: 0.3 px, of which twenty neighbours share the same error
-PRIOR = {"%": 0.2, "px": 30.0, "1": 0.2, "mm": 0.1, "deg": 0.2, "ms": 0.5}  # far beyond anything: keeps inverses finite
+ROBOT_M, ROBOT_RAD = 1e-4, 3.5e-4  # m, rad, sigma with which an arm comes back to a pose
+BORDER = 1.5  # px, sigma of a border point: 0.3 px, times the root of 25 neighbours that share their error
+# Sigma of what is known of each parameter beforehand, in its own unit (1, px, m, rad, s), by the unit of its report:
+# wider than any camera's errors, it only keeps inverses finite
+PRIOR = {"%": 0.2, "px": 30.0, "1": 0.2, "mm": 0.1, "deg": 0.2, "ms": 0.5}
 
 
 @dataclass(frozen=True)
 class Precision:
-    """How well one number of an effect would be known. `sigma` in `unit`; `determined`: whether that is well enough."""
+    """How well one parameter of an effect would be known.
+
+    Attributes:
+        effect, parameter: the effect and its parameter.
+        sigma: its standard deviation, in `unit`.
+        determined: whether that is below the limit in `NUMBERS` or `TIMES`.
+    """
 
     effect: str
     parameter: str
@@ -49,7 +59,7 @@ class Precision:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One frame: its borders, the joint angles there, and how fast they change. (n,), (nj,) rad, (nj,) rad/s."""
+    """One frame: its n border points, joint angles (nj,) rad and joint velocities (nj,) rad/s."""
 
     borders: Borders
     q: np.ndarray
@@ -87,7 +97,7 @@ def excited(geometry: Geometry, camera: str, views: Sequence[View]) -> list[Prec
     for view, into in zip(views, columns, strict=True):
         geometry.at(view.q - 1e-3 * view.dq)
         into[len(names) : len(names)] = _of_time(view.borders.moved(geometry, camera) / 1e-3, view.borders, height)
-        information += _of_view(np.column_stack(into), _robot(into, names, view, geometry))
+        information += _of_view(np.column_stack(into), _robot(into, names, view, geometry, camera))
     units = [unit for _, _, _, _, unit, _ in names] + [unit for _, _, _, unit, _ in TIMES]
     prior = [PRIOR[unit] for unit in units] + [FIXTURE_PRIOR] * len(shifts)
     sigma = np.sqrt(np.diag(np.linalg.inv(information + np.diag(1 / np.square(prior)))))
@@ -99,35 +109,47 @@ def excited(geometry: Geometry, camera: str, views: Sequence[View]) -> list[Prec
 
 
 def _standing(geometry: Geometry) -> list[int]:
-    """Ids of the scene's things that do not move with the arm."""
+    """Return the ids of the scene's things that do not move with the arm."""
     bodies = [geometry.model.body(name).id for name in geometry.scene.things]
     return [body for body in bodies if geometry.model.body_weldid[body] == 0]
 
 
 def _of_time(late: np.ndarray, borders: Borders, height: int) -> list[np.ndarray]:
-    """(n,) px along their normals that borders move by a second of delay, and of read-out: lower rows see them later.
+    """Return the displacement (n,) of borders along their normals for a second of delay and of read-out time, px/s.
 
     Args:
-        late: that of a second of delay.
-        borders: where they lie.
+        late: (n,) px/s, for a second of delay.
+        borders: the borders; rows below the middle are read later, those above earlier.
         height: of the image, px.
     """
     return [late, late * (0.5 - borders.pixel[:, 1] / (height - 1))]
 
 
-def _robot(into: Sequence[np.ndarray], names: Sequence[tuple], view: View, geometry: Geometry) -> np.ndarray:
-    """(n, 6) px a unit of what the arm's own error does: as the camera's offset, but not to what the hand carries."""
-    offset = [i for i, (effect, *_) in enumerate(names) if effect == "camera_offset"]
-    flange = int(geometry.model.site_bodyid[geometry.model.site(geometry.scene.flange).id])
-    hand = geometry.model.body_weldid[view.borders.body] == geometry.model.body_weldid[flange]
-    held = [geometry.model.body(name).id for name in geometry.scene.things]
-    carried = np.isin(view.borders.body, [b for b in held if geometry.model.body_weldid[b] != 0])
-    moved = np.column_stack([into[i] for i in offset])
-    return np.where((hand | carried)[:, None], 0.0, moved) * np.repeat([ROBOT_M, ROBOT_RAD], 3)
+def _robot(
+    into: Sequence[np.ndarray], names: Sequence[tuple], view: View, geometry: Geometry, camera: str
+) -> np.ndarray:
+    """Return the displacement (n, 6) px of borders for one sigma of each of the flange's errors in position and angle.
+
+    If camera or border, and not both, are carried by the flange, it is that of the camera's offset (to within a sign,
+    which does not matter, and the lever arm of the angles); otherwise they do not move relative to each other.
+    """
+    model = geometry.model
+    flange = model.body_weldid[model.site_bodyid[model.site(geometry.scene.flange).id]]
+    things = [model.body(name).id for name in geometry.scene.things]
+    carried = np.isin(np.arange(model.nbody), [b for b in things if model.body_weldid[b] != 0])
+    carried |= model.body_weldid == flange
+    offset = np.column_stack([into[i] for i, (effect, *_) in enumerate(names) if effect == "camera_offset"])
+    moves = carried[view.borders.body] != carried[geometry.carrier(camera)]
+    return np.where(moves[:, None], offset, 0.0) * np.repeat([ROBOT_M, ROBOT_RAD], 3)
 
 
 def _of_view(J: np.ndarray, robot: np.ndarray) -> np.ndarray:
-    """J' C^-1 J of one view, C = BORDER^2 I + robot robot' (Woodbury)."""
+    """Return the information J' C^-1 J of one view, C = BORDER^2 I + robot robot' (inverted by Woodbury's identity).
+
+    Args:
+        J: (n, k) px a unit, derivatives of the borders by the k unknowns.
+        robot: (n, 6) px, see `_robot`.
+    """
     J = np.nan_to_num(J)
     robot = np.nan_to_num(robot)
     small = np.eye(robot.shape[1]) + robot.T @ robot / BORDER**2

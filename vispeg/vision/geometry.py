@@ -97,6 +97,11 @@ class Geometry:
         view = view_of(self.eyes[camera].camera, self._parents[camera], self.data)
         return view.pos, view.rot
 
+    def carrier(self, camera: str) -> int:
+        """Return the id of the body that carries a camera."""
+        kind, i = self._parents[camera]
+        return int(self.model.site_bodyid[i]) if kind == "site" else i
+
     def project(self, camera: str, body: np.ndarray, local: np.ndarray) -> np.ndarray:
         """Pixels (n, 2) of points (n, 3) m, each in the axes of its body (n,) id; NaN behind the camera."""
         turn = self.data.xmat.reshape(-1, 3, 3)[body]
