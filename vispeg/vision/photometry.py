@@ -1,7 +1,8 @@
-"""The light channel: what is left of a picture's light once a gain and an offset a colour are taken out.
+"""The light channel: the difference of measured and predicted colour after a fitted gain and offset.
 
-A look is not known, so each part of the picture may have a colour of its own; exposure and white balance are a gain a
-colour, stray light an offset. What a sensor does beyond that stays: vignetting, blur, noise.
+Exposure and white balance multiply linear light by one gain for each of red, green and blue; stray light adds an
+offset. The rest remains: vignetting, blur, noise, and parts whose colour differs from the model's, which the robust fit
+treats as outliers.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ import numpy as np
 
 from vispeg.vision.predict import TO_LINEAR, Rendering, encoded
 
-SATURATED = (2, 253)  # grey levels between which a pixel still says how much light there was
-ROUNDS, CUT = 4, 3.0  # of a robust fit: what is off by more than CUT sigma is left out
+SATURATED = (2, 253)  # grey levels between which a pixel is not saturated
+ROUNDS, CUT = 4, 3.0  # of the robust fit; pixels off by more than CUT sigma are outliers
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +27,7 @@ class LightResidual:
         gain: (3,) measured over predicted linear light, red, green, blue.
         offset: (3,) linear light.
         matched: (H, W, 3) uint8, the prediction with gain and offset.
-        inlier: share of the pixels that the fit explains.
+        inlier: share of the pixels, of all three colours, that are no outliers of the fit.
     """
 
     error: np.ndarray
@@ -37,7 +38,7 @@ class LightResidual:
 
 
 def light_residual(measured: np.ndarray, rendering: Rendering) -> LightResidual:
-    """Measured (H, W, 3) uint8 less predicted colour, after the affine map of linear light that fits best."""
+    """Subtract predicted from measured colour (H, W, 3) uint8, after the affine map of linear light that fits best."""
     light, predicted = TO_LINEAR[measured], TO_LINEAR[rendering.rgb]
     good = (measured > SATURATED[0]) & (measured < SATURATED[1]) & (rendering.parts > 0)[..., None]
     gain, offset, n_used = np.ones(3), np.zeros(3), 0
@@ -51,14 +52,14 @@ def light_residual(measured: np.ndarray, rendering: Rendering) -> LightResidual:
 
 
 def _affine(x: np.ndarray, y: np.ndarray) -> tuple[float, float, int]:
-    """Gain and offset of y = gain x + offset with outliers left out, and how many pixels stayed."""
+    """Return gain and offset of y = gain x + offset fitted without outliers, and the number of other pixels."""
     keep, gain, offset = np.ones(len(x), bool), 1.0, 0.0
     for _ in range(ROUNDS):
         if keep.sum() < 10:
             return gain, offset, int(keep.sum())
         mean_x, mean_y = x[keep].mean(), y[keep].mean()
         spread = np.mean((x[keep] - mean_x) ** 2)
-        if spread < 1e-8:  # a picture of one colour: nothing tells gain from offset
+        if spread < 1e-8:  # of one colour, gain and offset cannot be distinguished
             return float(mean_y / max(mean_x, 1e-6)), 0.0, int(keep.sum())
         gain = float(np.mean((x[keep] - mean_x) * (y[keep] - mean_y)) / spread)
         offset = float(mean_y - gain * mean_x)

@@ -1,4 +1,7 @@
-"""Records of perturb.json, sensitivity.json and exploit.json: conditions in which a policy fails."""
+"""Records of perturb.json, sensitivity.json, exploit.json and price.json: conditions in which a policy fails.
+
+`p_holm` is a p-value corrected by Holm's method for the number of comparisons.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,7 @@ class PushRow(TypedDict):
 
 
 class PushRecord(TypedDict):
-    """perturb.json, returned by `perturb.summarise`."""
+    """perturb.json, returned by `perturb.summarise`; `rule` states how verdicts are made."""
 
     format: str
     rows: list[PushRow]
@@ -81,7 +84,7 @@ class SweepRecord(TypedDict):
 
 
 class Peak(TypedDict):
-    """Median peak force with fixed and with randomized contact parameters, N, and p-values of the rank test."""
+    """Median over episodes of the peak force, N, with fixed and with randomized contact parameters; rank test."""
 
     fixed: float | None
     randomized: float | None
