@@ -82,7 +82,8 @@ class ComparisonResult(Result, Traced):
         if not evidence.traces:
             return super().plot()
         if not 0 <= recording < len(evidence.traces):
-            raise UserError("no such recording", expected=f"a number from 0 to {len(evidence.traces) - 1}", got=recording)
+            expected = f"a number from 0 to {len(evidence.traces) - 1}"
+            raise UserError("no such recording", expected=expected, got=recording)
         with styled(WIDE):
             return trace_figure(evidence.traces[recording], evidence.joints, 1500, WIDE)
 
