@@ -9,7 +9,13 @@ import pytest
 from made import recording
 
 from vispeg.core.errors import UserError
+from vispeg.recordings.cell import Outcome
+from vispeg.recordings.frames.camera import RecordedCamera
+from vispeg.recordings.frames.frames import Frames, RecordedFrame
+from vispeg.recordings.frames.joints import joints_at
+from vispeg.recordings.load import load
 from vispeg.recordings.windows import LENGTH, choose, split
+from vispeg.recordings.write import write
 
 
 def day(seconds=300.0, rate=50.0, bursts=(61.0, 200.0), seed=0, **changes):
@@ -117,3 +123,68 @@ def test_no_joint_stands_in_every_window_if_it_moves_somewhere():
     alone = choose(rec, 6.0)
     assert alone.chosen is not None and len(alone.chosen.standing) == 1
     assert f"{alone.chosen.standing[0]} moves in none of them: use more (--seconds)" in alone.chosen.said("rig")
+
+
+def episodes_of(length: float, count: int, rate: float = 50.0, **changes):
+    """Episodes of `length` s, each with its own clock from 0 and its own posture and speed."""
+    n = round(length * rate)
+    time, k = np.tile(np.arange(n) / rate, count), np.repeat(np.arange(count), n)
+    q = np.stack([0.02 * k + 0.3 * np.sin(time * (1 + 0.05 * k)), 0.2 * np.cos(time)], 1)
+    fields = {"time": time, "q": q, "q_cmd": q, "tau": 10 * np.cos(q), "dq": None, "tau_cmd": None, "episode": k}
+    return recording(len(time), rate, **(fields | dict.fromkeys(("ee", "ee_cmd", "ft")) | changes))
+
+
+def test_episodes_shorter_than_a_window_are_used_whole(tmp_path):
+    """40 episodes of 5 s, as LeRobot's sets have them: of a minute, twelve are used, each from its begin to its end."""
+    rec = episodes_of(5.0, 40)
+    cut = choose(rec, 60.0)
+    assert cut.chosen is not None and 45 < cut.chosen.used_s <= 60 and len(cut.chosen.windows) == 12
+    for number in np.unique(cut.episode):
+        own = cut.episode == number
+        assert np.allclose(cut.time[own], np.arange(250) / 50) and np.ptp(cut.q[own, 1]) > 0.1
+        assert any(np.array_equal(cut.q[own], rec.q[rec.episode == old]) for old in range(40))
+    assert np.array_equal(load(write(cut, tmp_path / "cut")).q, cut.q)
+
+
+def test_short_episodes_compete_with_windows_of_long_ones():
+    """One of twenty short episodes holds the fastest motion, beside a long one that hardly moves: it is chosen."""
+    rec = episodes_of(5.0, 20)
+    long = np.arange(round(120 * 50)) / 50
+    slow = np.stack([0.1 * np.sin(0.1 * long), 0.2 * np.cos(0.1 * long)], 1)
+    q = np.concatenate([rec.q, slow])
+    fast = rec.episode == 7
+    q[: len(rec.q)][fast, 0] += 0.3 * np.sin(9 * rec.time[fast])
+    episode = np.concatenate([rec.episode, np.full(len(long), 20)])
+    rec = replace(rec, time=np.concatenate([rec.time, long]), q=q, q_cmd=q, tau=10 * np.cos(q), episode=episode)
+    cut = choose(rec, 24.0)
+    assert cut.chosen is not None and 18 < cut.chosen.used_s <= 24 and cut.chosen.speed > 0.95
+    assert any(np.array_equal(cut.q[cut.episode == k], rec.q[episode == 7]) for k in np.unique(cut.episode))
+
+
+def test_pictures_and_outcomes_stay_with_their_episode():
+    """Of pictures that show the posture in one pixel, those within the chosen spans remain, and fit the new episode."""
+    eye = RecordedCamera("eye", 1, 1, 1.0, 1.0, 0.0, 0.0)
+    rec = episodes_of(5.0, 40)
+    shots = [(k, t) for k in range(40) for t in (0.0, 2.0, 4.0)]
+    seen = joints_at(rec, np.array([t for _, t in shots]), np.array([k for k, _ in shots]))
+    taken_at = [
+        RecordedFrame(t, eye, None, np.array([[angle]], np.float32), k)
+        for (k, t), angle in zip(shots, seen[:, 0], strict=True)
+    ]
+    outcomes = tuple(Outcome(k % 3 == 0, k, f"trial {k}") for k in range(40))
+    cut = choose(replace(rec, frames=Frames({"eye": eye}, tuple(taken_at)), outcomes=outcomes), 60.0)
+    assert cut.frames is not None and len(cut.frames) == 36 and len(cut.outcomes) == 12
+    shown = np.array([frame.depth[0, 0] for frame in cut.frames])
+    assert joints_at(cut, cut.frames.times, cut.frames.episodes)[:, 0] == pytest.approx(shown, abs=1e-6)
+    for outcome in cut.outcomes:
+        old = int(outcome.category.split()[1])
+        assert np.array_equal(cut.q[cut.episode == outcome.episode], rec.q[rec.episode == old])
+    rec = day()
+    frames = Frames(
+        {"eye": eye}, tuple(RecordedFrame(t, eye, None, np.ones((1, 1), np.float32)) for t in rec.time[::5])
+    )
+    cut = choose(replace(rec, frames=frames, outcomes=(Outcome(True),)), 24.0)
+    assert cut.chosen is not None and cut.frames is not None and not cut.outcomes  # a window is no whole trial
+    for number, window in enumerate(cut.chosen.windows):
+        times = cut.frames.times[cut.frames.episodes == number]
+        assert window.start <= times[0] < window.start + 0.1 and window.stop - 0.1 < times[-1] <= window.stop

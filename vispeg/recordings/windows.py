@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.recordings.cell import Outcome
 from vispeg.recordings.differentiate import episodes, smooth
+from vispeg.recordings.frames.frames import Frames, RecordedFrame
 from vispeg.recordings.recording import Chosen, Recording, Window
 
 SECONDS = 60.0  # s of a recording that are used by default
@@ -32,11 +34,11 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
     For each window and joint, the time in cells (bins) of signed speed, acceleration and load while moving is counted,
     and the number of reversals. Windows are chosen greedily to increase the sum over cells of log(1 + t / 0.1 s), with
     t the time in a cell, so that rare motion counts more than motion already covered. Windows in which a joint moves
-    that would otherwise stand in all of them are chosen first.
+    that would otherwise stand in all of them are chosen first. An episode shorter than a window is one as a whole.
 
     Args:
         rec: the recording.
-        seconds: longest total duration, s; 0 uses all.
+        seconds: longest total duration, s, though one window is always used; 0 uses all.
 
     Returns:
         The recording with its windows as episodes, each in its own time, and `chosen` set; `rec` where it is short.
@@ -46,10 +48,11 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
     if not 0 < seconds < length - LENGTH:
         return rec
     cells, turns, spans, tops = _cells(rec, runs)
-    count, moves = max(1, int(seconds / LENGTH)), tops[0] > STANDS * tops[0].max(axis=0)  # (w, nj)
-    picked = _greedy(cells, spans, count)
+    lasts = np.array([rec.time[stop - 1] - rec.time[first] for first, stop in spans])
+    moves = tops[0] > STANDS * tops[0].max(axis=0)  # (w, nj)
+    picked = _greedy(cells, spans, lasts, seconds)
     if not moves[picked].any(axis=0).all():
-        picked = _greedy(cells, spans, count, moves)
+        picked = _greedy(cells, spans, lasts, seconds, moves)
     picked = sorted(picked, key=lambda k: spans[k][0])
     parts = [spans[k] for k in picked]  # adjacent ones are not merged: a batch of equal lengths is simulated fastest
     most, overall = tops[:, picked].max(axis=1), tops.max(axis=1)
@@ -96,10 +99,23 @@ def split(rec: Recording, share: float) -> tuple[Recording, Recording]:
 
 
 def taken(rec: Recording, parts: Sequence[tuple[int, int]]) -> Recording:
-    """Cut the spans of rows (first, stop) from a recording; each becomes an episode with its own time."""
+    """Cut the spans of rows (first, stop) from a recording; each becomes an episode with its own time.
+
+    A span keeps the pictures taken during it, and an outcome if it is a whole episode.
+    """
     rows = np.concatenate([np.arange(first, stop) for first, stop in parts])
     number = np.repeat(np.arange(len(parts)), [stop - first for first, stop in parts])
-    return replace(rec.some(rows), episode=number)
+    old = np.zeros(len(rec.time), np.int64) if rec.episode is None else rec.episode
+    frames: list[RecordedFrame] = []
+    outcomes: list[Outcome] = []
+    for new, (first, stop) in enumerate(parts):
+        start, end = rec.time[first], rec.time[stop - 1]
+        mine = (f for f in rec.frames or () if f.episode == old[first] and start <= f.time <= end)
+        frames += [replace(frame, episode=new) for frame in mine]
+        if np.sum(old == old[first]) == stop - first:
+            outcomes += [replace(o, episode=new) for o in rec.outcomes if o.episode == old[first]]
+    pictures = Frames(rec.frames.cameras, tuple(frames)) if rec.frames and frames else None
+    return replace(rec.some(rows), episode=number, frames=pictures, outcomes=tuple(outcomes))
 
 
 def _runs(episode: np.ndarray) -> list[np.ndarray]:
@@ -139,21 +155,42 @@ def _cells(
     size = [np.minimum(np.nan_to_num(np.abs(x)), _top(x)) for x in (dq, ddq, load - (low + high) / 2)]
     width = max(1, round(LENGTH / period))
     counts, turns, spans, tops = [], [], [], []
-    for start in range(0, len(rows) - width, max(1, width // 2)):
-        part = slice(start, start + width)
-        lasts = rec.time[rows[start + width]] - rec.time[rows[start]]
-        if episode[start] != episode[start + width] or not 0.8 * LENGTH < lasts < 1.2 * LENGTH:
+    for part, (first, stop) in _candidates(runs, every, width):
+        steps = (stop - 1 - first) / rec.rate_hz  # s, if no row is missing
+        if not 0.8 * steps < rec.time[stop - 1] - rec.time[first] < 1.2 * steps:
             continue
         if np.mean(np.isfinite(dq[part])) < READABLE:
             continue
         counts.append(period * cell[part].sum(axis=0, dtype=float))
         turns.append(int(turn[part].sum()))
-        spans.append((int(rows[start]), int(rows[start + width])))
+        spans.append((first, stop))
         tops.append([x[part].max(axis=0) for x in size])
     if not spans:  # gaps leave no whole window: the beginning is used
-        spans = [(0, min(len(rec.time), width * every))]
+        spans = [(0, min(len(runs[0]), width * every))]
         counts, turns, tops = [np.zeros(cell.shape[1])], [0], [[x.max(axis=0) for x in size]]
     return np.array(counts), np.array(turns), spans, np.swapaxes(np.array(tops), 0, 1)
+
+
+def _candidates(runs: Sequence[np.ndarray], every: int, width: int) -> Iterator[tuple[slice, tuple[int, int]]]:
+    """Yield the windows of all episodes: overlapping ones of equal length, and short episodes as wholes.
+
+    Args:
+        runs: the row numbers of each episode.
+        every: one of so many rows of an episode is examined.
+        width: examined rows of a window.
+
+    Yields:
+        Slice of the examined rows of all episodes, and rows (first, stop) of the recording.
+    """
+    begin = 0
+    for run in runs:
+        examined = run[::every]
+        if len(examined) <= width:
+            yield slice(begin, begin + len(examined)), (int(run[0]), int(run[-1]) + 1)
+        for start in range(0, len(examined) - width, max(1, width // 2)):
+            at = begin + start
+            yield slice(at, at + width), (int(examined[start]), int(examined[start + width]))
+        begin += len(examined)
 
 
 def _top(values: np.ndarray) -> np.ndarray:
@@ -178,23 +215,32 @@ def _turns(dq: np.ndarray, moving: np.ndarray) -> np.ndarray:
     return out
 
 
-def _greedy(cells: np.ndarray, spans: list[tuple[int, int]], count: int, moves: np.ndarray | None = None) -> list[int]:
+def _greedy(
+    cells: np.ndarray,
+    spans: list[tuple[int, int]],
+    lasts: np.ndarray,
+    seconds: float,
+    moves: np.ndarray | None = None,
+) -> list[int]:
     """Choose windows (rows of `cells` (w, k)) greedily without overlap, each the one that adds most to the sum of logs.
 
-    With `moves` (w, nj), windows with the most joints that stand in all windows chosen before come first.
+    The windows last `lasts` (w,) s, those chosen `seconds` in total at most. With `moves` (w, nj), windows with the
+    most joints that stand in all windows chosen before come first.
     """
     have, free, picked = np.zeros(cells.shape[1]), np.ones(len(cells), bool), []
     moved = np.zeros(0 if moves is None else moves.shape[1], bool)
     starts, stops = np.array(spans).T
-    while len(picked) < count and free.any():
+    left = max(seconds, lasts.min())
+    while (fits := free & (lasts <= left)).any():
         gain = np.log1p((have + cells) / ENOUGH).sum(axis=1)
         if moves is not None:
             gain += (1.0 + gain.max()) * (moves & ~moved).sum(axis=1)  # more than the gain of any window
-        best = int(np.argmax(np.where(free, gain, -1.0)))
+        best = int(np.argmax(np.where(fits, gain, -1.0)))
         if moves is not None:
             moved |= moves[best]
         picked.append(best)
         have += cells[best]
+        left -= lasts[best]
         free &= (stops <= starts[best]) | (starts >= stops[best])
     return picked
 
