@@ -24,7 +24,7 @@ from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.noise import noise_of
-from vispeg.recordings.regimes import INSIDE
+from vispeg.recordings.regimes import INSIDE, REGIMES
 from vispeg.worlds.world import World
 
 LEVER = 0.1  # m, converts torques to forces
@@ -60,7 +60,7 @@ def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
             rms = np.sqrt(np.mean(residual[used] ** 2, axis=0)) if used.any() else 0.0
             breaks = rows & ends
             for some, law in ((rows & ~ends, name), (breaks, name if name == "impact" else "slide")):
-                wedge = RULES.floor_wedged if law == INSIDE else 0.0
+                wedge = RULES.floor_wedged if law == REGIMES[INSIDE] else 0.0
                 share = shares[law] + wedge * wedged(item)[some]
                 form = np.hypot(forms[law], share * phase.force[some])
                 out[some] = np.hypot(rms, form[:, None] * unit)
