@@ -8,7 +8,7 @@ from vispeg.report.build import render
 from vispeg.report.evidence import Evidence
 from vispeg.report.record import Record
 from vispeg.report.sections import VIEWS
-from vispeg.report.sections.views import _difference, context
+from vispeg.report.sections.views import _difference, _drawn, context
 
 SILENT = [  # of a record today, of one number alone, and of a record from before reasons were given
     {
@@ -54,6 +54,19 @@ def test_the_page_shows_frames_depth_and_the_projection():
     assert f"{alike}. To tell them: tilts of 20 degrees." in text
     assert "2.00 px" in text and "look-b, wrist, 3.00 s" in text and "views" in VIEWS
     assert context(Record("diagnosis", {"verdict": "identified"}, Evidence())) is None
+
+
+def test_lines_end_beyond_their_border_on_the_side_of_the_edge():
+    """The edge lies 10 px along the normal, and lines are drawn four times as long."""
+    image = np.full((24, 640, 3), 90, np.uint8)
+    arrays = {
+        "v/pixel": np.array([[300.0, 12.0]]),
+        "v/normal": np.array([[1.0, 0.0]]),
+        "v/along_before": np.array([10.0]),
+    }
+    drawn = _drawn(image, arrays, "v/", "before", (216, 27, 96))
+    (columns,) = np.nonzero(np.ptp(drawn[12], axis=1) > 20)  # the picture is grey
+    assert (columns.min(), columns.max()) == (300, 340)
 
 
 def test_a_projection_of_which_nothing_was_fitted_is_not_shown():

@@ -86,7 +86,7 @@ def _drawn(
     normal = arrays[name + "normal"]
     for at, n, off in zip(edges, normal, along, strict=True):
         start = tuple(int(round(v)) for v in scale * at)
-        end = tuple(int(round(v)) for v in scale * (at - SHOWN * off * n))
+        end = tuple(int(round(v)) for v in scale * (at + SHOWN * off * n))
         if abs(off) > LEAST:
             cv2.line(out, start, end, colour, 1, cv2.LINE_AA)
         else:
