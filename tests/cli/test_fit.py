@@ -61,10 +61,12 @@ def test_all_is_one_value_and_each_is_seven(vispeg, rigs, tmp_path):
     assert [e["where"] for e in fitted(tmp_path / "e")["effects"]] == [f"joint{i}" for i in range(1, 8)]
 
 
-def test_only_named_effects_move(vispeg, rigs, tmp_path):
+def test_only_named_effects_move_also_where_the_user_stands(vispeg, rigs, tmp_path, monkeypatch):
     vispeg("add", "iiwa14", "joint_bias", "joint2", "--set", "torque=0.7", "--out", "m.yaml")
     args = ["--recording", rigs["friction"], "--effects", "coulomb_friction:joint4", "--iterations", "3", "--quiet"]
-    assert vispeg("fit", "m.yaml", *args, "--out", "f")[0] == 0
+    (tmp_path / "f").mkdir()
+    monkeypatch.chdir(tmp_path / "f")
+    assert vispeg("fit", "../m.yaml", *args, "--out", ".")[0] == 0
     model = {e.label: e for e in load_model(tmp_path / "f" / "model.yaml").effects}
     assert model["joint_bias(joint2)"].params["torque"].value == 0.7
     assert [e["effect"] for e in fitted(tmp_path / "f")["effects"]] == ["coulomb_friction"]
@@ -179,7 +181,7 @@ def test_a_copy_of_a_fitted_recording_is_no_judge(refused, rigs, tmp_path):
 
 
 @pytest.mark.slow
-def test_paper_protocol_brings_the_flange_nearer(vispeg, rigs, tmp_path):
+def test_paper_protocol_brings_the_flange_nearer(vispeg, rigs, tmp_path, refused):
     args = ["--protocol", "paper", "--recording", rigs["osc"], "--iterations", "12", "--quiet"]
     code, out, _ = vispeg("fit", "iiwa14", *args, "--out", "p")
     assert code == 0 and "gravity_tilt(base)" in out
@@ -189,6 +191,7 @@ def test_paper_protocol_brings_the_flange_nearer(vispeg, rigs, tmp_path):
     assert {e["effect"] for e in record["effects"]} == {"gravity_tilt", "link_mass", "viscous_friction"}
     assert (tmp_path / "p" / "paths-osc.png").read_bytes().startswith(b"\x89PNG")
     assert len(load_model(tmp_path / "p" / "model.yaml").effects) == 15
+    refused(["report", "p"], "p/fit.json", "the paper's protocol")
 
 
 def test_paper_cost_is_the_sum_of_norms():

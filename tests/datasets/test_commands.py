@@ -18,6 +18,9 @@ def test_render_check_show_and_mistakes(tmp_path, monkeypatch, capsys):
     assert len(Dataset("d")) == 4
     assert main(["dataset", "check", "d"]) == 0 and "nothing wrong" in capsys.readouterr().out
     assert main(["dataset", "show", "d", "--tiles", "3"]) == 0
+    monkeypatch.chdir(tmp_path / "d")
+    assert main(["dataset", "show", ".", "--overwrite"]) == 0 and "d-page" in capsys.readouterr().out
+    monkeypatch.chdir(tmp_path)
     page = (tmp_path / "d-page/index.html").read_text()
     assert "4 frames in 1 episode<" in page and "Contrast guard" in page and "wrist_crop" in page
     assert "in the worst, of all frames." in page and ">4 frames each<" in page

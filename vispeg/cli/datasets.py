@@ -9,6 +9,7 @@ Example:
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 from vispeg.cli.command import Call, Option, command
 
@@ -20,7 +21,7 @@ def show(call: Call) -> None:
     Example:
         vispeg dataset show frames --out frames-page
     """
-    page = call(out=call.out or call.dataset.with_name(f"{call.dataset.resolve().name}-page"))
+    page = call(out=call.out or Path(f"{call.dataset.resolve()}-page"))
     call.output.give({"page": str(page)}, [f"page: {page}"])
 
 

@@ -83,7 +83,7 @@ def diagnose(call: Call, out: Path, overwrite: bool = False) -> None:
     inputs = (*model_files(call.model), *call.recordings, *call.validate, *call.baseline)
     with stages(call.output.quiet) as say:
         shown: dict[str, Any] = {"say": say, "likely": lambda proposal: say.keep(likely(proposal))}
-        shown |= {"reading": reading_bars(call.output.quiet), "part": out.with_name(out.name + ".part")}
+        shown |= {"reading": reading_bars(call.output.quiet), "part": Path(f"{out.resolve()}.part")}
         result = call.saved(out, overwrite, "diagnosis", inputs, **shown)
     call.give(result, *written_lines(result.record, out))
 
@@ -123,7 +123,7 @@ def fit(call: Call, out: Path, protocol: Literal["effects", "paper"] = "effects"
     from vispeg.core.files import reserved
 
     inputs = (*model_files(call.model), *call.recordings, *call.validate)
-    options = {"part": out.with_name(out.name + ".part"), "reading": reading_bars(call.output.quiet)}
+    options = {"part": Path(f"{out.resolve()}.part"), "reading": reading_bars(call.output.quiet)}
     with reserved(out, overwrite, holds="fit", inputs=inputs):
         result = _by_paper(call, options) if protocol == "paper" else _by_effects(call, options)
         result.save(out, overwrite=overwrite)
