@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from vispeg.api.gap import gap
+from vispeg.api.opened import load
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.evaluation.records import append, read
+from vispeg.report.record import load_record
 
 
 @pytest.fixture
@@ -343,6 +345,9 @@ def test_the_suites_exit_code_is_one_on_an_alarm_or_a_regression_and_zero_otherw
     suite_folder(tmp_path / "alarm", rising[::-1], "alarm")
     code, out, _ = vispeg("suite", "compare", "v1", "v2", "--out", "c")
     assert code == 0 and "healthy: r = 1.00" in out and "no regression" in out and (tmp_path / "c/suite.html").is_file()
+    for opened in (load, load_record):
+        with pytest.raises(UserError, match="another kind of result.*vispeg-suite-compare/1"):
+            opened(tmp_path / "c")
     code, out, _ = vispeg("suite", "compare", "v1", "v2", "fell")
     assert code == 1 and "fell: a in T, c8" in out and "fell: healthy" in out
     assert vispeg("suite", "compare", "alarm")[0] == 1

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from vispeg.api.compare import ComparisonResult
 from vispeg.api.diagnose import DiagnosisResult
@@ -16,6 +15,7 @@ from vispeg.evaluation.records import read as read_episodes
 from vispeg.evaluation.runner import EPISODES
 from vispeg.formats.arrays import read_arrays
 from vispeg.formats.json_data import read_json
+from vispeg.report.record import recognised
 from vispeg.worlds.model_file import load_model
 
 RECORDS = ("diagnosis", "compare", "fit", "evaluate", "gap")
@@ -28,13 +28,14 @@ def load(folder: str | Path) -> Result:
         folder: a folder written by `save` or by the command of the same name.
 
     Raises:
-        UserError: the folder has no result, or a damaged file.
+        UserError: the folder has no result, a damaged file, or one of another kind (see `recognised`).
     """
     place = Path(folder)
     kind = next((name for name in RECORDS if (place / f"{name}.json").is_file()), None)
     if kind is None:
         raise UserError("no result", file=place, expected=f"a folder with one of {', '.join(RECORDS)} as .json")
-    record: dict[str, Any] = read_json(place / f"{kind}.json")
+    file = place / f"{kind}.json"
+    record = recognised(read_json(file), "gap" if kind == "evaluate" else kind, file)
     if kind in ("evaluate", "gap"):
         made = EvaluationResult if kind == "evaluate" else GapResult
         media = read_json(place / "media.json") if (place / "media.json").is_file() else []

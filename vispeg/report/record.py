@@ -88,13 +88,14 @@ def load_record(out: Path) -> Record:
     """Read OUT/diagnosis.json, else OUT/compare.json, else OUT/fit.json, with OUT/evidence.npz.
 
     Raises:
-        UserError: none of the three exists, or a file cannot be read.
+        UserError: none of the three exists, a file cannot be read, or it is no such record (see `recognised`).
     """
     for kind in ("diagnosis", "compare", "fit"):
         path = out / f"{kind}.json"
         if path.is_file():
             drawn = [(out / name).read_bytes() if (out / name).is_file() else None for name in (SHEET, ROBOT)]
-            values = _read(path) if kind != "fit" else _judged(_read(path))
+            read = renamed(recognised(read_json(path, finite=False), kind, path))
+            values = read if kind != "fit" else _judged(read)
             return Record(kind, values, load_evidence(out / "evidence.npz"), *drawn)
     raise UserError("nothing to report on", file=out, expected="a folder with diagnosis.json, compare.json or fit.json")
 
@@ -111,11 +112,21 @@ def _judged(values: Mapping[str, Any]) -> Mapping[str, Any]:
     return {**values, "ladder": relabelled, "judged": "fitted"}
 
 
-def _read(path: Path) -> Mapping[str, Any]:
-    values = read_json(path, finite=False)
+def recognised(values: Any, name: str, path: Path) -> dict[str, Any]:
+    """Return the content of a result's file if its format is a version of `vispeg-NAME`, or not stated.
+
+    Raises:
+        UserError: it is no mapping, has another format, or is a fit by the paper's protocol, which has no such record.
+    """
     if not isinstance(values, dict):
         raise UserError("is not a record", file=path, expected="a mapping", got=type(values).__name__)
-    return renamed(values)
+    stated = values.get("format")
+    if stated is not None and str(stated).partition("/")[0] != f"vispeg-{name}":
+        raise UserError("is another kind of result", file=path, key="format", expected=f"vispeg-{name}", got=stated)
+    if values.get("protocol") == "paper":
+        expected = "a fit of named effects; this one's model is model.yaml, its pictures paths-*.png"
+        raise UserError("is a fit by the paper's protocol", file=path, key="protocol", expected=expected)
+    return values
 
 
 def renamed(values: Mapping[str, Any]) -> Mapping[str, Any]:
