@@ -1,11 +1,16 @@
 """An exported MJCF moves in plain MuJoCo as the plant does, and says which effects it could not hold."""
 
+from dataclasses import replace
+
+import cv2
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from vispeg.api.export.model import export_model
 from vispeg.api.inputs import read_model
+from vispeg.core.assets import assets
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.robots.model import load
 from vispeg.sim.compiled import nominal_of
@@ -204,3 +209,62 @@ def test_a_cell_is_written_whole_and_touches_as_ours_does(tmp_path):
     assert max(tips) < 1e-4, "m, while it slides"
     plain_n, ours_n = forces[200:].mean(axis=0)
     assert plain_n > 30.0 and abs(plain_n / ours_n - 1) < 0.01, "N"
+
+
+OWN = """<mujoco><compiler meshdir="assets" texturedir="assets/looks"/><asset><mesh file="visual/skin.stl"/>
+  <texture name="wood" type="2d" file="wood.png"/><material name="wood" texture="wood"/></asset>
+  <worldbody><body name="a"><joint name="j" axis="0 1 0"/>
+    <inertial pos="0 0.02 0.1" mass="4" diaginertia="0.1 0.07 0.05" euler="30 20 10"/>
+    <geom type="mesh" mesh="skin" material="wood"/><site name="attachment_site" pos="0 0 0.2"/></body></worldbody>
+</mujoco>"""
+
+
+@pytest.fixture
+def own(tmp_path):
+    """An arm in a user's own file, in degrees, with its mesh and its texture in folders."""
+    folder = tmp_path / "own"
+    (folder / "assets" / "visual").mkdir(parents=True)
+    (folder / "assets" / "looks").mkdir()
+    (folder / "assets" / "visual" / "skin.stl").write_bytes((assets() / "iiwa14" / "link1.stl").read_bytes())
+    cv2.imwrite(str(folder / "assets" / "looks" / "wood.png"), np.full((4, 4, 3), (200, 120, 40), np.uint8))
+    (folder / "own.xml").write_text(OWN)
+    return str(folder / "own.xml")
+
+
+def test_meshes_and_textures_of_a_file_with_folders_lie_beside_the_export(own, tmp_path):
+    made = export_model(World(own), tmp_path / "out" / "arm.xml", "mjcf")
+    before = mujoco.MjModel.from_xml_path(own)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "arm.xml"))
+    assert np.allclose(model.mesh_vert, before.mesh_vert, atol=1e-6)
+    assert np.array_equal(model.tex_data, before.tex_data)
+    assert [*made.meshes] == ["arm-meshes/skin.stl", "arm-meshes/texture-wood.png"]
+
+
+def test_springs_and_inertias_are_those_of_the_plant_in_a_file_of_degrees_and_angles(own, tmp_path):
+    spring = EffectInstance.of("cable_spring", "j", stiffness=5.0, reference=0.5)
+    world = World(own).add(spring, EffectInstance.of("payload", "flange", mass=2.0, x=0.1, y=0.05))
+    export_model(world, tmp_path / "arm.xml", "mjcf")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    assert np.allclose(model.qpos_spring, 0.5, atol=1e-6), "rad"
+    plant = Plant(load(own), [world], STEP, STEP, 1)
+    quat, inertia = (plant.batch.expanded(f"body_{name}")[0] for name in ("iquat", "inertia"))
+    body, full = model.body("a").id, []
+    for turn, diagonal in ((quat[body], inertia[body]), (model.body_iquat[body], model.body_inertia[body])):
+        matrix = Rotation.from_quat(turn, scalar_first=True).as_matrix()
+        full.append(matrix @ np.diag(diagonal) @ matrix.T)
+    assert np.allclose(*full, rtol=1e-4, atol=1e-6), "kg m^2"
+
+
+def test_a_turned_body_is_turned_also_if_its_orientation_was_stated_by_angles():
+    tilt = EffectInstance.of("hole_tilt", "fixture", roll=0.02)
+    scene = model_cell(read_model("peg-cell")).scene
+
+    def stated_by_angles():
+        spec = scene.spec()
+        spec.body("fixture").alt.type = mujoco.mjtOrientation.mjORIENTATION_EULER
+        return spec
+
+    world, turns = read_model("peg-cell").add(tilt), []
+    for robot in (scene, replace(scene, build=stated_by_angles)):
+        turns.append(compiled_with(world, robot)[0].body("fixture").quat)
+    assert np.allclose(*turns, atol=1e-9) and turns[0][1] == pytest.approx(0.01, rel=1e-3)

@@ -45,6 +45,7 @@ NUMBERS = {  # mjModel field -> kind of element and attribute, for fields that m
 POLYNOMIAL = ("damping", "stiffness")  # attributes of which only the first coefficient is used
 INERTIAL = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
 OPTIONS = ("opt.gravity", "opt.iterations")
+QUAT = mujoco.mjtOrientation.mjORIENTATION_QUAT  # a file may state an orientation in another way, which wins
 HELD = {*NUMBERS, *INERTIAL, *OPTIONS}
 
 
@@ -53,10 +54,10 @@ class Exported:
     """An exported MJCF.
 
     Attributes:
-        xml: the text; mesh files are named relative to its folder.
+        xml: the text; the files that it reads are named relative to its folder.
         native: effects that the text expresses.
         left_out: effects for which MuJoCo has no element.
-        meshes: by its name in the text, the mesh file to copy there.
+        meshes: by its name in the text, the file to copy there: of a mesh, a height field, a skin or a texture.
     """
 
     xml: str
@@ -77,7 +78,7 @@ def to_mjcf(world: World, meshes: str = "meshes", robot: RobotModel | None = Non
 
     Args:
         world: robot, tool and effects with values.
-        meshes: folder for the meshes, next to the MJCF file.
+        meshes: folder for meshes and textures, next to the MJCF file.
         robot: the scene that has the effects' targets; by default the arm alone.
         step: physics step, s; smaller if servos need it.
     """
@@ -95,16 +96,10 @@ def to_mjcf(world: World, meshes: str = "meshes", robot: RobotModel | None = Non
     _motors(spec, robot, {a.effect.name: a for a in activate(robot, [motors])})
     spec.option.timestep = step
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    files: dict[str, Path] = {}
-    base = Path(spec.modelfiledir or ".") / (spec.meshdir or "")
-    for mesh in spec.meshes:
-        if mesh.file:
-            file = base / mesh.file  # an absolute name stays itself
-            name = f"{meshes}/{mesh.name or file.stem}{file.suffix}"
-            files[name] = file
+    files = _beside(spec, meshes)
     spec.compile()
     left_out = tuple(e for e in world.effects if e not in native)
-    return Exported(listed(left_out) + _relative(spec.to_xml(), files), native, left_out, files)
+    return Exported(listed(left_out) + spec.to_xml(), native, left_out, files)
 
 
 def is_native(kind: Effect) -> bool:
@@ -137,6 +132,10 @@ def _numbers(spec: mujoco.MjSpec, plant: Plant) -> None:
             # the compiler moves a mesh to its centre, so add the effect's shift to the stated position
             if attribute == "pos":
                 number = np.array(element.pos) + (now[row] - before[row])
+            if attribute == "springref" and spec.compiler.degree:
+                number = np.degrees(number)
+            if attribute == "quat":
+                element.alt.type = QUAT
             setattr(element, attribute, [float(number), 0.0, 0.0] if attribute in POLYNOMIAL else number)
     _inertials(spec, model, {field: value(field) for field in INERTIAL})
     if (gravity := value("opt.gravity")) is not None:
@@ -161,6 +160,7 @@ def _inertials(spec: mujoco.MjSpec, model: mujoco.MjModel, changed: dict[str, np
             continue
         body.explicitinertial = True
         body.mass, body.ipos, body.iquat = float(now["body_mass"]), now["body_ipos"], now["body_iquat"]
+        body.ialt.type = QUAT
         body.inertia, body.fullinertia = now["body_inertia"], [np.nan, 0, 0, 0, 0, 0]
 
 
@@ -192,10 +192,32 @@ def _motors(spec: mujoco.MjSpec, robot: RobotModel, active: Mapping[str, Active]
             motor.forcerange = (bias[j] - limit[j], bias[j] + limit[j])
 
 
-def _relative(xml: str, files: dict[str, Path]) -> str:
-    for name, file in files.items():
-        xml = xml.replace(f'file="{file}"', f'file="{name}"').replace(f'file="{file.name}"', f'file="{name}"')
-    return xml
+def _beside(spec: mujoco.MjSpec, folder: str) -> dict[str, Path]:
+    """Let a spec read meshes, height fields, skins and textures from a folder; return {name in the text: file}."""
+    home, meshes, textures = Path(spec.modelfiledir or "."), spec.meshdir or "", spec.texturedir or ""
+    files: dict[str, Path] = {}
+
+    def placed(prefix: str, name: str, file: Path) -> str:
+        at = f"{folder}/{prefix}{name or file.stem}{file.suffix}"
+        files[at] = file
+        return at
+
+    for group, base, prefix in (
+        (spec.meshes, meshes, ""),
+        (spec.hfields, meshes, "height-"),
+        (spec.skins, meshes, "skin-"),
+        (spec.textures, textures, "texture-"),
+    ):
+        for element in group:
+            if element.file:
+                element.file = placed(prefix, element.name, home / base / element.file)  # may be absolute
+    for texture in spec.textures:
+        for side, file in enumerate(texture.cubefiles):
+            if file:
+                texture.cubefiles[side] = placed("texture-", f"{texture.name}{side}", home / textures / file)
+    spec.meshdir = spec.texturedir = ""
+    spec.assets = {**spec.assets, **{name: file.read_bytes() for name, file in files.items()}}
+    return files
 
 
 def listed(left_out: tuple[EffectInstance, ...], who: str = "MuJoCo") -> str:

@@ -32,7 +32,7 @@ class ExportedModel:
         file: the MJCF or URDF.
         to: the file's format.
         robot: the model's robot.
-        meshes: mesh files beside it.
+        meshes: files of meshes, height fields, skins and textures beside it.
         native: labels of the effects in the file.
         left_out: labels of the effects that the format has no element for.
         rotors: joint -> rotor inertia, kg m2, which a URDF cannot hold.
@@ -57,7 +57,7 @@ class ExportedModel:
     def summary(self) -> list[Block]:
         """The file, the effects in it, and those left out."""
         program = "MuJoCo" if self.to == "mjcf" else "URDF"
-        lines = [f"{self.file}: {self.robot}, {len(self.meshes)} meshes beside it"]
+        lines = [f"{self.file}: {self.robot}, {len(self.meshes)} meshes and textures beside it"]
         lines += [f"in it: {label}" for label in self.native]
         lines += [f"not in it, {program} has no element for it: {label}" for label in self.left_out]
         if self.rotors:
@@ -92,7 +92,7 @@ def with_cameras(scene: Scene) -> Scene:
 def export_model(
     model: str | Path | World, out: str | Path, to: Literal["mjcf", "urdf"], *, overwrite: bool = False
 ) -> ExportedModel:
-    """Write a model with its effects; meshes are copied beside the file.
+    """Write a model with its effects; meshes and textures are copied beside the file.
 
     An MJCF of a cell has arm, tool, held part, fixture, table and cameras. A URDF has only the arm.
 
