@@ -224,6 +224,13 @@ def test_a_video_is_one_that_plays_with_the_frames_it_was_given(tmp_path):
         write_video(tmp_path / "w", frames.astype(float), 12.5)
 
 
+def test_videos_of_names_with_dots_are_files_of_their_own(tmp_path):
+    frames = np.zeros((2, 32, 48, 3), np.uint8)
+    paths = [write_video(tmp_path / f"depth_lr0.1-S-{seed}", frames, 12.5) for seed in (1000003, 1000004)]
+    assert [p.name for p in paths] == ["depth_lr0.1-S-1000003.mp4", "depth_lr0.1-S-1000004.mp4"]
+    assert all(p.is_file() for p in paths)
+
+
 def test_a_picture_is_written_without_a_word(tmp_path, capfd):
     image = np.full((8, 8, 3), 90, np.uint8)
     for suffix in (".png", ".jpg"):

@@ -11,7 +11,7 @@ from vispeg.core.errors import UserError
 
 
 def write_video(path: Path, frames: np.ndarray, fps: float) -> Path:
-    """Write (T, H, W, 3) uint8 RGB frames, `fps` of them a second; return the path, with the suffix .mp4.
+    """Write (T, H, W, 3) uint8 RGB frames, `fps` of them a second; return the path, with .mp4 appended.
 
     Raises:
         UserError: frames of another shape, no ffmpeg, or one that fails.
@@ -19,7 +19,7 @@ def write_video(path: Path, frames: np.ndarray, fps: float) -> Path:
     if frames.ndim != 4 or frames.shape[-1] != 3 or frames.dtype != np.uint8 or not len(frames):
         raise UserError("not a video", expected="(T, H, W, 3) uint8", got=f"{frames.shape} {frames.dtype}")
     frames = frames[:, : frames.shape[1] // 2 * 2, : frames.shape[2] // 2 * 2]  # yuv420p needs even sides
-    program, target = ffmpeg(), path.with_suffix(".mp4")
+    program, target = ffmpeg(), path.with_name(f"{path.name}.mp4")
     if program is None:
         raise UserError("no ffmpeg here", expected="ffmpeg, see `vispeg doctor`", file=target)
     path.parent.mkdir(parents=True, exist_ok=True)
