@@ -21,7 +21,7 @@ from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.teacher import StateTeacher, Tare, knowing, teacher_of
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.terms import TERMS
-from vispeg.task.terms import Observation
+from vispeg.task.terms import LIMIT, Observation
 
 
 def played(mode, world, steps, seeds=(4, 5)):
@@ -43,6 +43,33 @@ def test_teachers_view_of_a_blind_students_episode_is_the_state_policys_own():
     observed = observed_in(config)
     for a, b in zip(state, blind, strict=True):
         assert np.allclose(knowing(b, observed)["policy"], a["policy"], atol=1e-5)
+        assert np.allclose(knowing(a, observed)["policy"], a["policy"], atol=1e-5), "who knows the goal is told nothing"
+
+
+def test_a_goal_farther_away_than_the_error_of_belief_can_tell_is_shown_where_it_is():
+    from vispeg.core.effect import EffectInstance
+    from vispeg.worlds.world import World
+
+    far = World(effects=(EffectInstance.of("hole_offset", "fixture", x=0.08, y=-0.02),))
+    (state, config), (blind, _) = played("state", far, 1), played("proprio", far, 1)
+    observed = observed_in(config)
+    for a, b in zip(state, blind, strict=True):
+        assert np.abs(b["privileged"][:, observed["mistake"]]).max() == LIMIT
+        assert np.allclose(knowing(b, observed)["policy"], a["policy"], atol=1e-5)
+
+
+def test_the_expert_inserts_as_the_teacher_of_a_student_who_knows_the_goal():
+    from vispeg.task.peg.task import PegInHoleVec
+
+    env = PegInHoleVec(2, "unknown_hole", "state", autoreset_mode="Disabled", privileged=True)
+    obs, teacher, won = env.reset(seed=[3, 4])[0], teacher_of("expert", env.config), np.zeros(2, bool)
+    teacher.reset(2)
+    for _ in range(env.config.steps):
+        obs, _, over, _, info = env.step(teacher.act(obs))
+        won |= [bool(r and r["success"]) for r in info.get("record", (None, None))]
+        if over.all():
+            break
+    assert won.all()
 
 
 class Watching:

@@ -87,7 +87,7 @@ def test_its_expert_gets_there_and_is_paid_for_it(world):
 
 
 def test_a_teacher_is_shown_what_a_state_policy_would_see(world):
-    """Whoever is not told the goal, and is shown its displacement, sees as one who is told the truth."""
+    """Whoever believes another place of the goal, and is shown his mistake, sees as one who is told the truth."""
     pytest.importorskip("torch")
     from vispeg.learn.teacher import knowing
 
@@ -95,11 +95,12 @@ def test_a_teacher_is_shown_what_a_state_policy_would_see(world):
     a, b = (env.reset(seed=4)[0] for env in (told, blind))
     table, belief = told.observed, told.observed.term("mistake")
     mistake = belief.scale * a["privileged"][:, table["mistake"]] / table.term("tip").scale
-    expected = a["policy"].reshape(2, -1, table.policy_size)
+    expected = a["policy"].reshape(2, -1, table.policy_size).copy()
     expected[:, :, table["tip"]] += mistake[:, None]
     shown = knowing(b, table)
     np.testing.assert_allclose(shown["policy"].reshape(expected.shape), expected, atol=2e-5)
     assert not shown["privileged"][:, table["mistake"]].any()
+    np.testing.assert_allclose(knowing(a, table)["policy"].reshape(expected.shape), expected, atol=2e-5)
 
 
 def test_noise_of_a_term_is_white_with_its_standard_deviation_and_follows_the_seed():

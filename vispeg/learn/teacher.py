@@ -15,7 +15,7 @@ from vispeg.learn.policy import load
 from vispeg.render.image_kinds import GOAL_TOLD
 from vispeg.task.registry import task_of
 from vispeg.task.scripted import Scripted
-from vispeg.task.terms import Observation
+from vispeg.task.terms import LIMIT, Observation
 
 
 class Teacher(Protocol):
@@ -33,16 +33,19 @@ class Teacher(Protocol):
 def knowing(obs: Mapping[str, np.ndarray], observed: Observation) -> dict[str, np.ndarray]:
     """Return a student's observation as a `state` policy would see it that is told the goal's true place.
 
-    A student's tip position is relative to the goal's nominal place, a teacher's to its true place. The two differ by
-    the goal's displacement (`goal_away`), the same in every stacked observation. The error of the believed place
-    (`mistake`) is set to 0 in the ground truth.
+    A student's tip position is relative to the believed place of the goal, a teacher's to the true one. The two differ
+    by the error of the believed place (`mistake`), the same in every stacked observation. An error beyond the range of
+    that term is a blind student's, who believes the nominal place: there it is minus the goal's displacement
+    (`goal_away`). The error is set to 0 in the ground truth.
 
     Args:
         obs: `policy` (n, stack * size) and `privileged` (n, k) at least.
-        observed: the task's terms; `goal_away` must have the scale of `tip`.
+        observed: the task's terms; `goal_away` must have the scale of `tip`, `mistake` may have another.
     """
     stack = obs[VECTOR].reshape(len(obs[VECTOR]), -1, observed.policy_size).copy()
-    stack[:, :, observed["tip"]] -= obs[PRIVILEGED][:, None, observed["goal_away"]]
+    mistake, away = (obs[PRIVILEGED][:, None, observed[name]] for name in ("mistake", "goal_away"))
+    near = mistake * (observed.term("mistake").scale / observed.term("tip").scale)
+    stack[:, :, observed["tip"]] += np.where(np.abs(mistake) < LIMIT, near, -away)
     truth = obs[PRIVILEGED].copy()
     truth[:, observed["mistake"]] = 0.0
     return {VECTOR: stack.reshape(obs[VECTOR].shape).astype(np.float32), PRIVILEGED: truth}
