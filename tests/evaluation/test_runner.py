@@ -14,7 +14,7 @@ from vispeg.core.workers import one_thread
 from vispeg.evaluation.controls import Controlled
 from vispeg.evaluation.entrants import entrant, entrants, refuse_trained_on
 from vispeg.evaluation.jobs import FIRST_SEED, STATE_ROWS, Job, Pushes, Setting, make_jobs, seeds_of
-from vispeg.evaluation.overlay import Change, overlay
+from vispeg.evaluation.overlay import HELD, Change, overlay
 from vispeg.evaluation.records import Episode, read
 from vispeg.evaluation.runner import EPISODES, each, failures, run
 from vispeg.learn.envs import HELD_OUT
@@ -127,6 +127,26 @@ def test_a_folder_of_another_policy_or_world_is_not_continued(policy, tmp_path):
     changed = entrants([policy("a_s0", note="trained longer")])
     with pytest.raises(UserError, match="a/s0 stood for another one"):
         run(make_jobs(changed, [Setting("nominal", "S")], range(9), tmp_path), tmp_path / "out", arena=coin)
+
+
+def test_two_worlds_or_policies_of_one_name_are_refused(policy, tmp_path):
+    who = entrants([policy("a_s0")])
+    one, two = (Setting("nominal", "S", "c", task={"clearance_mm": mm}) for mm in (0.5, 1.0))
+    jobs = make_jobs(who, [one, two], range(3), tmp_path)
+    with pytest.raises(UserError, match="worlds: two of one name.*S/c"):
+        run(jobs, tmp_path / "out", arena=coin)
+    changed = entrants([policy("a_s0", note="trained longer")])
+    with pytest.raises(UserError, match="policies: two of one name.*a/s0"):
+        run([jobs[0], replace(jobs[0], entrant=changed[0])], tmp_path / "out", arena=coin)
+    assert not (tmp_path / "out").exists()
+
+
+def test_worlds_whose_names_differ_in_signs_alone_have_files_of_their_own(policy, tmp_path):
+    settings = [Setting("nominal", "S", f"friction {sign} 1", (Change("contact_friction", {"scale": scale}, HELD),))
+                for sign, scale in (("<", 0.5), (">", 2.0))]  # fmt: skip
+    low, high = make_jobs(entrants([policy("a_s0")]), settings, range(3), tmp_path)
+    assert [load_world(j.world).hash for j in (low, high)] == [low.world_hash, high.world_hash]
+    assert low.world_hash != high.world_hash and low.world != high.world
 
 
 def test_names_and_training_seeds_of_policies(policy, tmp_path):

@@ -231,6 +231,25 @@ def test_what_a_diagnosis_named_is_swept_from_nothing_to_its_value(tmp_path):
         sensitivity.sweeps(str(tmp_path / "bare.yaml"))
 
 
+def test_sweeps_of_one_effect_at_two_places_are_told_apart(tmp_path):
+    asked = [sensitivity.sweep(f"backlash@joint{j}.gap=0.001") for j in (1, 2)]
+    assert [what.label for what in asked] == ["backlash@joint1.gap", "backlash@joint2.gap"]
+    counts = {(1, 0.0): 40, (1, 0.001): 40, (2, 0.0): 40, (2, 0.001): 10}
+    played = [e for (j, v), n in counts.items() for e in wins("S", sensitivity.tag(asked[j - 1], v), n)]
+    found = sensitivity.summarise(played, asked)
+    assert [r["curves"][0]["points"][1]["success"]["value"] for r in found] == [1.0, 0.25]
+    everywhere = sensitivity.sweep("backlash.gap=0.001")
+    assert everywhere.label == "backlash.gap" and everywhere.where == "*"
+
+
+def test_a_sweep_whose_last_value_is_null_has_its_curve():
+    what = sensitivity.sweep("contact_friction.scale=0.25,0.5")
+    counts = {0.25: 10, 0.5: 40, 1.0: 40}
+    ((curve,),) = [r["curves"] for r in sensitivity.summarise(
+        [e for v, n in counts.items() for e in wins("S", sensitivity.tag(what, v), n)], [what])]  # fmt: skip
+    assert what.null == what.values[-1] and curve["falls_at"] == 0.25
+
+
 def test_every_named_sweep_can_be_built(tmp_path):
     for name, known in sensitivity.SWEEPS.items():
         for s in sensitivity.settings("nominal", "S", known)[-1:]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -36,11 +37,13 @@ class Change:
 def overlay(
     base: str | Path, name: str, folder: Path, changes: Sequence[Change] = (), task: Mapping[str, Any] | None = None
 ) -> WorldFile:
-    """Write `folder`/NAME.yaml, based on `base`, and load it. Without changes, load the base itself.
+    """Write a world file based on `base`, and load it. Without changes, load the base itself.
+
+    The file's name ends with a hash of its content: worlds whose names differ in signs alone have files of their own.
 
     Args:
         base: file or built-in name of the world to change.
-        name: name of the changed world, and of its file.
+        name: name of the changed world; its file's name begins with it.
         folder: for the file.
         changes: effects to set.
         task: task settings to replace.
@@ -58,6 +61,7 @@ def overlay(
             entries.append({"effect": change.effect, "where": where, "params": dict(change.params)})
     head = {"format": FORMAT, "name": name, "base": str(world.path.resolve())}
     data = {**head, "task": dict(task or {}), "effects": entries}
-    slug = re.sub(r"[^\w.+-]+", "_", name)
-    path = write_text_atomic(folder / f"{slug}.yaml", yaml.safe_dump(data, sort_keys=False), overwrite=True)
+    text = yaml.safe_dump(data, sort_keys=False)
+    slug, digest = re.sub(r"[^\w.+-]+", "_", name), hashlib.sha256(text.encode()).hexdigest()
+    path = write_text_atomic(folder / f"{slug}-{digest[:12]}.yaml", text, overwrite=True)
     return load_world(path)

@@ -50,7 +50,8 @@ def run(
         engine: where the processes run: on this machine, or on a Ray cluster whose nodes see `out` at the same path.
 
     Raises:
-        UserError: OUT holds episodes of other policies or worlds under the same names; or what a job raises.
+        UserError: two policies or worlds of one name, or OUT holds episodes of others under the same names; or what a
+            job raises.
     """
     path = out / EPISODES
     names = _same_run(jobs, out)
@@ -114,13 +115,15 @@ def _same_run(jobs: Sequence[Job], out: Path) -> str:
     """Return the content of run.json, the hashes behind the names of policies and worlds.
 
     Raises:
-        UserError: a name already has another hash in the folder.
+        UserError: a name stands for two hashes, in these jobs or in the folder and in these jobs.
     """
-    worlds = {"/".join(filter(None, (j.world_name, j.configuration, j.control))): j.world_hash for j in jobs}
-    now: dict[str, dict[str, str]] = {
-        "policies": {f"{j.entrant.name}/s{j.entrant.train_seed}": j.entrant.digest for j in jobs},
-        "worlds": worlds,
-    }
+    now: dict[str, dict[str, str]] = {"policies": {}, "worlds": {}}
+    for j in jobs:
+        policy = f"{j.entrant.name}/s{j.entrant.train_seed}"
+        world = "/".join(filter(None, (j.world_name, j.configuration, j.control)))
+        for kind, name, value in (("policies", policy, j.entrant.digest), ("worlds", world, j.world_hash)):
+            if now[kind].setdefault(name, value) != value:
+                raise UserError("two of one name; play them in runs of their own", key=kind, got=name)
     path = out / RUN
     stored = read_names(path) if path.exists() else {"policies": {}, "worlds": {}}
     for kind, names in now.items():

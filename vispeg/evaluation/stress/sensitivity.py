@@ -70,10 +70,11 @@ class Sweep:
 
     @property
     def label(self) -> str:
-        """Name of the sweep: `focal_error.fx,fy`, or `focal_error(wrist_wide)` for an effect from a file."""
+        """Name of the sweep: `focal_error@wrist_wide.fx,fy`, or `focal_error(wrist_wide)` for an effect from a file."""
         if self.end:
             return f"{self.effect}({self.where})"
-        return f"{self.effect}.{','.join(self.params)}"
+        place = "" if self.where == "*" else f"@{self.where}"
+        return f"{self.effect}{place}.{','.join(self.params)}"
 
 
 SWEEPS = {
@@ -230,13 +231,14 @@ def _curve(
             if cost.certain and cost.estimate.value > 0:
                 fallen.append(point)
     nearest = min(fallen, key=lambda q: abs(q["value"] - what.null), default=None)
-    last = decided[policy, tag(what, what.values[-1])]
     return {
         "policy": policy,
         "modality": modality,
         "points": points,
         "falls_at": nearest["value"] if nearest else None,
-        "words": _over(last.estimate) if what.measured else _words(points, nearest, what),
+        "words": _over(decided[policy, tag(what, what.values[-1])].estimate)
+        if what.measured
+        else _words(points, nearest, what),
     }
 
 
