@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import fits
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from vispeg.contact.record import arrays, not_excited, shows_from, where_it_fail
 from vispeg.contact.run import compare_contact, evidence_of
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.findings import Gain, Rivals, Score, Trial
+from vispeg.recordings.cell import WrenchSensor
 from vispeg.worlds.world import World
 
 FIXTURE = EffectInstance.of("fixture_compliance", "fixture", z=3e-5)
@@ -55,6 +58,25 @@ def test_the_place_of_what_is_left_is_told():
     assert x == pytest.approx(0.03, abs=2e-3) and abs(y) < 0.021 and abs(z) < 2e-3, "it slides beside the hole"
 
 
+def test_the_place_and_the_posture_of_the_worst_moment_are_told_where_an_angle_was_not_read():
+    rec = recorded((FIXTURE,))
+    told = []
+    for gap in (False, True):
+        evidence = evidence_of([rec])
+        (item,) = evidence.items
+        predicted = [item.measured[None].copy()]
+        block = int(np.flatnonzero(item.phase.of("slide") & item.valid[:, 2])[5])
+        predicted[0][0, block, 2] -= 20.0
+        told.append((worst_left(evidence, predicted), arrays(evidence, predicted)["worst/q"]))
+        q = rec.q.copy()
+        q[item.segment.rows[block], 1] = np.nan
+        rec = replace(rec, q=q)
+    (whole, posture), (worst, bridged) = told
+    assert worst["time_s"] == whole["time_s"]
+    np.testing.assert_allclose(worst["tip_m"], whole["tip_m"], atol=1e-4)
+    np.testing.assert_allclose(bridged, posture, atol=1e-3)
+
+
 def test_the_worst_moment_is_none_in_which_contact_ends():
     """A block that begins in contact and ends in free air holds a part of the former over the floor of the latter."""
     evidence = evidence_of([recorded((FIXTURE,))])
@@ -66,6 +88,17 @@ def test_the_worst_moment_is_none_in_which_contact_ends():
     predicted[0][0, pressed, 2] -= 3.0 * item.sigma[pressed, 2]
     predicted[0][0, leaving, 2] -= 30.0 * item.sigma[leaving, 2]
     assert str(arrays(evidence, predicted)["worst/moment"]).endswith("press")
+
+
+def test_a_tared_sensor_leaves_what_a_raw_one_leaves_in_every_phase():
+    """The rest, in which a tared sensor reads nothing in every model, is not compared: the tool weighs 8 N."""
+    raw = recorded((FIXTURE,))
+    tared = replace(raw, ft=raw.ft - raw.ft[:100].mean(axis=0), wrench=WrenchSensor(tared=True))
+    rows, others = (compare_contact(World(), [rec]).record["phases"] for rec in (raw, tared))
+    assert [row["phase"] for row in rows] == [row["phase"] for row in others]
+    for row, other in zip(rows, others, strict=True):
+        assert other["before"] == pytest.approx(row["before"], rel=0.1, abs=0.02)
+        assert other["seconds"] <= row["seconds"]
 
 
 def test_an_effect_is_said_to_show_from_values_that_it_may_have():

@@ -8,9 +8,9 @@ from typing import Any, cast
 
 import numpy as np
 from scipy.ndimage import binary_dilation
-from scipy.spatial.transform import Rotation
 
 from vispeg.contact.evidence import ContactEvidence
+from vispeg.contact.path import tips
 from vispeg.contact.phases import NAMES
 from vispeg.core.effect import effect
 from vispeg.core.rules import RULES
@@ -20,7 +20,7 @@ from vispeg.diagnosis.schema import Allowed, Failure, NotExcited, ShowsFrom
 from vispeg.diagnosis.traces import arrays as arrays_of
 from vispeg.diagnosis.traces import traces
 from vispeg.identify.channels import UNITS
-from vispeg.sim.compiled import flange_pose
+from vispeg.recordings.differentiate import bridged
 from vispeg.worlds.world import World
 
 COLUMNS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
@@ -78,7 +78,7 @@ def phase_errors(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> li
     out = []
     for name in NAMES:
         row: dict[str, object] = {"phase": name}
-        masks = [item.phase.of(name) & item.phase.valid for item in judged.items]
+        masks = [item.phase.of(name) & item.valid[:, :3].all(axis=1) for item in judged.items]
         count = sum(int(m.sum()) for m in masks)
         if not count:
             continue
@@ -101,9 +101,7 @@ def worst_left(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict
     _, r, k = worst
     item = judged.items[r]
     off = (item.measured - predicted[r][-1])[k, :3]
-    scene = item.source.scene
-    pose = flange_pose(scene.nominal, item.recording.q[item.segment.rows[k]][None])[0]
-    tip = pose[:3] + Rotation.from_quat(pose[3:], scalar_first=True).apply([0.0, 0.0, scene.tip]) - item.path.goal
+    tip = tips(item.path, item.source.scene)[item.phase.rows(item.path.time)[k]]
     return {
         "recording": item.name,
         "time_s": round(float(item.segment.time[k]), 2),
@@ -129,7 +127,8 @@ def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str
     item = judged.items[worst[1]]
     seconds, name = item.segment.time[worst[2]], NAMES[item.phase.code[worst[2]]]
     out["worst/moment"] = np.array(f"{item.name} at {seconds:.1f} s, {name}")
-    out["worst/recording"], out["worst/q"] = np.array(item.name), item.recording.q[item.segment.rows[worst[2]]]
+    rec, row = item.recording, item.segment.rows[worst[2]]
+    out["worst/recording"], out["worst/q"] = np.array(item.name), bridged(rec.time, rec.q)[row]
     return out
 
 
