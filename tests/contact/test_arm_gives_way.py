@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from vispeg.contact.run import evidence_of
+from vispeg.contact.yielding import arm_displacement
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.rules import RULES
@@ -85,6 +88,20 @@ def test_the_true_arm_is_at_the_floor_and_a_press_on_the_table_tells_it_from_the
     apart = [fixture[list(some)].sum(axis=0).min() - arm[list(some)].sum() for some in ((0,), (0, 1), (0, 2))]
     assert apart[0] < apart[1] < apart[2] and apart[2] > max(2 * apart[0], 1.5 * CHANCE)
     assert effect("fixture_compliance").told_from["arm_compliance"] == "touch-datum"
+
+
+def test_an_angle_that_was_not_read_does_not_move_the_hand(soft):
+    """The displacement is computed from the angles around it, as the path is."""
+    (item,) = evidence_of([soft[0]]).items
+    worlds = [World().add(ARM)]
+    q = soft[0].q.copy()
+    q[500:510, 3] = np.nan  # 20 ms of 3 s
+    whole, missing = (
+        arm_displacement(replace(item, recording=rec), worlds, item.path.wrench[None])
+        for rec in (soft[0], replace(soft[0], q=q))
+    )
+    assert np.abs(whole[0, 0]).max() > 1e-4
+    np.testing.assert_allclose(missing[0, 0], whole[0, 0], atol=1e-6)
 
 
 def test_the_elbow_turns_and_the_flange_stays():

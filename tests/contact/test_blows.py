@@ -61,6 +61,17 @@ def test_a_blow_run_again_in_the_true_world_has_the_measured_impulse_and_flight(
     assert np.sqrt(np.mean(scores[:, 0] ** 2)) < 1.0 < 2.0 < np.sqrt(np.mean(scores[:, 1] ** 2))
 
 
+def test_a_missing_reading_before_a_blow_does_not_move_its_start():
+    """The gap is bridged: the start is the one of all readings, to their noise."""
+    rec = tapped(1)
+    first, *_ = blows(rec)
+    q = rec.q.copy()
+    q[first.rows.start - 5, 3] = np.nan
+    found, *_ = blows(replace(rec, q=q))
+    for got, expected, limit in zip(found.start, first.start, (1e-4, 1e-2), strict=True):  # rad, rad/s
+        np.testing.assert_allclose(got, expected, atol=limit)
+
+
 def nominal_ratio():
     """Damping ratio of the peg's contacts."""
     return compiled(FOUND.scene).geom_solref[shapes(compiled(FOUND.scene), "peg")[0], 1]

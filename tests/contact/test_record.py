@@ -61,7 +61,7 @@ def test_the_place_of_what_is_left_is_told():
 def test_the_place_and_the_posture_of_the_worst_moment_are_told_where_an_angle_was_not_read():
     rec = recorded((FIXTURE,))
     told = []
-    for gap in (False, True):
+    for _ in range(2):
         evidence = evidence_of([rec])
         (item,) = evidence.items
         predicted = [item.measured[None].copy()]

@@ -13,7 +13,7 @@ import numpy as np
 from vispeg.contact.inputs import ContactItem
 from vispeg.contact.path import PATH_HZ, jacobian
 from vispeg.core.effect import effect
-from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.differentiate import bridged, smooth
 from vispeg.sim.external import flange_jacobian, needed
 from vispeg.worlds.places import values
 from vispeg.worlds.world import World
@@ -42,9 +42,8 @@ def arm_displacement(item: ContactItem, worlds: Sequence[World], wrench: np.ndar
         return None
     path, arm = item.path, item.source.scene.nominal
     time = path.time
-    rows = path.rows[:: max(1, round(EVERY * item.recording.rate_hz))]
-    clock = item.recording.time[rows] - item.recording.time[path.rows[0]]
-    q = np.nan_to_num(item.recording.q[rows])
+    some = slice(None, None, max(1, round(EVERY * item.recording.rate_hz)))
+    clock, q = path.clock[some], bridged(path.clock, item.recording.q[path.rows])[some]
     jac, still = flange_jacobian(arm, q), np.zeros_like(q)
     weight = needed(arm, q, still, still)
     turn = jacobian(np.stack([np.interp(clock, time, a) for a in path.place[:, 3:].T], axis=1))
