@@ -68,7 +68,7 @@ class MissingTorque:
 def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingTorque:
     """Return the missing torque of an item under a model that predicts `predicted` (m, nch).
 
-    Where torques are compared it is measured minus predicted torque. Where angles are compared it is, low-passed,
+    Where torques are compared it is predicted minus measured torque. Where angles are compared it is, low-passed,
     `M d'' + Kd d' + Kp d` of the difference d = measured - simulated angle. Kp and Kd are the gains of the loop that
     robot and model share (the recorded controller, or the observer), M the nominal inertia along the motion. That is
     the linearised inverse of the loop, so a torque at one joint shows at that joint alone.
@@ -76,7 +76,7 @@ def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingT
     seg, nj, m = item.segment, item.nj, len(item.segment.time)
     if item.kind == "needed":
         valid = item.valid.any(axis=1)
-        gap = _filled(item.measured - predicted)
+        gap = _filled(predicted - item.measured)
         load = predicted[valid]
         q, dq, ddq = seg.q[valid], seg.dq[valid], seg.cache["ddq"][valid]
         return MissingTorque(seg.time[valid], q, dq, ddq, load, load, gap[valid], item.sigma)
