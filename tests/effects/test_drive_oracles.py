@@ -11,6 +11,9 @@ from loops import SWING, drive, hinge, one, pendulum
 from vispeg.core.effect import effect
 from vispeg.core.seeds import stream
 from vispeg.effects.common.delay import DelayLine
+from vispeg.sim.physics import EffectLoop
+from vispeg.sim.placement import activate
+from vispeg.sim.state import DriveState
 from vispeg.worlds.world import World
 
 FLOATING = pendulum(0.0)
@@ -43,6 +46,18 @@ def test_static_drive(world, delivered):
     acceleration = delivered / SWING
     from_rest = q - q[20] - (y.dq[0, 20, 0] * (time - time[20]))
     np.testing.assert_allclose(from_rest[20:], acceleration * (time[20:] - time[20]) ** 2 / 2, atol=1e-6)
+
+
+def test_the_inverse_of_a_drive_is_the_command_that_it_turned_into_the_torque():
+    """Gain 1.2, then bias 6: of 10 N m commanded 18 are delivered, and 18 needed are 10 commanded."""
+    loop = EffectLoop(
+        activate(FLOATING, [hinge("torque_gain", gain=1.2).add(*hinge("joint_bias", torque=6.0).effects)])
+    )
+    command, one_row = np.array([[10.0]]), np.zeros((1, 1))
+    delivered, _ = loop.drive(command, DriveState(TICK, TICK, *[one_row] * 5))
+    assert delivered == pytest.approx(18.0)
+    assert loop.inverse(delivered, "motor") == pytest.approx(command)
+    assert loop.inverse(command, "joint") == pytest.approx(delivered), "a sensor's own gain and zero, in their order"
 
 
 def test_torque_limit_is_two_sided():

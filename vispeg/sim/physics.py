@@ -159,7 +159,7 @@ class EffectLoop:
 
     def inverse(self, needed: np.ndarray, sensor: str) -> np.ndarray:
         """Return the reading (n, nj) N m of a torque sensor (`joint` or `motor`) if the link needs `needed`, N m."""
-        for a in self.inverses:
+        for a in reversed(self.inverses) if sensor == "motor" else self.inverses:
             needed = a.effect.inverse(needed, sensor, a.p)
         return needed
 
