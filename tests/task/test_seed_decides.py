@@ -91,6 +91,13 @@ def test_no_effect_remembers_the_episode_before(group):
     assert differ(with_moves(*GROUPS[group])) == []
 
 
+def test_a_load_of_the_episode_before_is_gone():
+    """Half of the episodes carry a load, and what MuJoCo derives from it goes with it."""
+    load = RandomizedEffect("payload", "flange", {"mass": 5.0}, chance=0.5)
+    assert load.draw(BEFORE, "flange") and not load.draw(SEED, "flange")
+    assert differ(RandomizedWorld((load,))) == []
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", EFFECTS, ids=lambda e: e.name)
 def test_no_effect_alone_remembers_the_episode_before(kind):

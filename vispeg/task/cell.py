@@ -100,6 +100,7 @@ class Cell(Plant):
         for name, values in fresh.values.items():
             self.batch.expand(name)[rows] = values
         if CONSTANT & set(fresh.values):
+            fields.touched |= set(fresh.values)  # what no effect writes now may have been written for the last episode
             derive(self.batch, fields, rows)
             if self.filtered:
                 self._firm(rows)
