@@ -70,6 +70,20 @@ def test_the_wrench_from_torques_is_the_true_one_within_what_is_stated(friction,
     assert np.sqrt(np.mean(sigma[:, :3] ** 2)) < 0.6 + 3.0 * friction, "and the stated sigma is of use"
 
 
+@pytest.mark.parametrize("column", ["tau", "q"])
+def test_missing_readings_push_nothing_and_a_long_gap_is_left_open(column, pressed):
+    """Two samples of one joint are bridged; a tenth of a second is not, but its neighbours stay as they are."""
+    rec, found = numb(pressed), external(numb(pressed), FOUND.scene.nominal)
+    short, long = slice(300, 302), slice(600, 650)
+    values = getattr(rec, column).copy()
+    values[short, 3] = values[long, 3] = np.nan
+    holed = external(replace(rec, **{column: values}), FOUND.scene.nominal)
+    assert np.isnan(holed.wrench[long]).all() and np.isfinite(np.delete(holed.wrench, np.arange(600, 650), 0)).all()
+    force = np.abs(holed.wrench - found.wrench)[:, :3]
+    assert force[250:350].max() < 0.5 and np.nanmax(force) < 2.0, "N"
+    np.testing.assert_allclose(holed.steady, found.steady, rtol=0.1)
+
+
 def test_what_a_straight_arm_does_not_see_is_said_and_as_unsure_as_any_wrench():
     """Stretched out upwards, no joint torque tells a push along the arm; the direction is the Jacobian's own."""
     jac = flange_jacobian(FOUND.scene.nominal, np.array([np.zeros(7), home(FOUND.scene)]))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from vispeg.api.inputs import read_model
-from vispeg.core.effect import EffectInstance
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.recordings.cell import OPEN_CELL, CellBelief
 from vispeg.recordings.recording import Control, Recording
@@ -15,6 +15,7 @@ from vispeg.robots.declared import declared
 from vispeg.task.belief import believed, cell_of
 from vispeg.task.peg.config import PegConfig
 from vispeg.worlds.model_file import load_model, model_text
+from vispeg.worlds.places import ALL
 from vispeg.worlds.world import World
 
 WORLD = """format: vispeg-world/1
@@ -40,6 +41,14 @@ def test_what_a_world_fixes_is_believed_and_what_it_draws_is_not(tmp_path):
     assert (found.config.clearance_mm, found.scene.target) == (1.0, (0.55, 0.1, 0.05))
     assert [e.label for e in found.world.effects] == ["hole_tilt(fixture)"]
     assert found.world.effects[0].params["roll"].value == 0.02
+
+
+@pytest.mark.parametrize("name", ["P", "dev", "VNP"])
+def test_what_a_world_fixes_at_each_place_is_believed_at_every_one(name):
+    found = believed(CellBelief(name))
+    assert all(e.where in (ALL, *effect(e.effect).targets(found.scene)) for e in found.world.effects)
+    damped = [e.where for e in found.world.effects if e.effect == "viscous_friction"]
+    assert damped == [*effect("viscous_friction").targets(found.scene)]
 
 
 def test_a_belief_s_effects_are_placed_in_its_cell():

@@ -255,3 +255,21 @@ def test_an_episode_that_diverges_is_not_recorded():
     soft = EffectInstance.of("joint_elasticity", "joint7", compliance=2e-3, relaxation=0.05, motor_inertia=5.0)
     with pytest.raises(UserError, match="the arm does not follow"):
         record_expert(CELL.add(soft), 3, {}, np.random.default_rng(0), rate_hz=200.0, h_max=5e-3)
+
+
+def test_what_only_cameras_see_moves_nothing_and_hinders_nothing():
+    looks = EffectInstance.of("camera_offset", "external", x=0.01), EffectInstance.of("exposure", "external")
+    plain, seen = recorded("tap"), recorded("tap", looks)
+    np.testing.assert_array_equal(seen.q, plain.q)
+    ran = replay(plain, [CELL.add(*looks)], h_max=COARSE)
+    np.testing.assert_array_equal(ran[0].q[0], plain.q)
+
+
+def test_each_run_has_its_own_outcome():
+    """The noise of rounding encoders moves every run otherwise; the force that it meets is its own."""
+    coarse = EffectInstance.of("encoder_quantization", "all", step=2e-4)
+    rec = recorded("insert", [coarse], {"q": 3e-4}, repeat=2)
+    peaks = [outcome.peak_force for outcome in rec.outcomes]
+    assert [outcome.episode for outcome in rec.outcomes] == [0, 1]
+    read = [np.linalg.norm(rec.ft[rec.episode == k, :3], axis=1).max() for k in (0, 1)]
+    assert np.diff(read) and np.diff(peaks)

@@ -67,3 +67,13 @@ def test_effects_that_no_row_could_have_do_not_break_into_running_episodes():
         env.reset(seed=1, options={"start": late, "reset_mask": np.array([True, False])})
     env.reset(seed=1, options={"start": late})
     assert all("command_delay(all)" in env.drawn(row).values for row in range(2))
+
+
+def test_looks_of_a_start_move_nothing():
+    """A recorded trial's effects may hold what only its cameras saw."""
+    env, felt = TaskVec(1, "nominal", autoreset_mode="Disabled"), EffectInstance.of("joint_bias", "joint4", torque=2.0)
+    looks = EffectInstance.of("camera_offset", "external", x=0.01)
+    (plain, _), (seen, _) = (
+        episode(env, seed=[5], options={"start": Start(effects=e)}) for e in ((felt,), (felt, looks))
+    )
+    np.testing.assert_array_equal(seen, plain)

@@ -43,7 +43,7 @@ def estimated(rec: Recording, scene: Scene) -> tuple[Recording, External]:
 def calm(rec: Recording, estimate: External) -> Recording:
     """Return the wrench with its noise per sample, for detecting contact."""
     still = estimate.wrench[rec.time <= rec.time[0] + STILL]
-    force, torque = (float(still[:, part].std(axis=0).mean()) for part in (slice(0, 3), slice(3, 6)))
+    force, torque = (float(np.nanstd(still[:, part], axis=0).mean()) for part in (slice(0, 3), slice(3, 6)))
     return replace(rec, noise={**rec.noise, "ft": force, "ft_torque": torque})
 
 

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from mujoco import batch as mjb
 
-from vispeg.recordings.differentiate import episodes, smooth
+from vispeg.recordings.differentiate import bridged, episodes, smooth
 from vispeg.recordings.noise import highpass_sigma
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel
@@ -39,7 +39,7 @@ class External:
     """Wrenches of the flange on the tool, in flange axes about its origin, estimated from joint torques.
 
     Attributes:
-        wrench: (n, 6) N, N m, below `WRENCH_HZ`.
+        wrench: (n, 6) N, N m, below `WRENCH_HZ`; NaN in gaps of an angle or a torque that `smooth` does not bridge.
         gain: (n, 6, nj) derivative of the wrench with respect to joint torques.
         white: (nj,) N m, 1-sigma white noise of a sample.
         steady: (nj,) N m, 1-sigma slowly varying torque error: friction that the sensor sees, hysteresis.
@@ -79,13 +79,14 @@ def external(rec: Recording, arm: RobotModel) -> External:
         arm: nominal arm with its declared tool, which is excluded from the torques that the links need.
     """
     assert rec.tau is not None
-    q, dq, ddq = (np.nan_to_num(v) for v in smooth(rec.time, rec.q, MOTION_HZ))
-    residual = np.nan_to_num(rec.tau) - needed(arm, q, dq, ddq)
+    q, dq, ddq = (np.nan_to_num(v) for v in smooth(rec.time, bridged(rec.time, rec.q), MOTION_HZ))
+    residual = rec.tau - needed(arm, q, dq, ddq)
+    residual[np.isnan(rec.q).any(axis=1)] = np.nan  # the motion is only interpolated there
     jac = flange_jacobian(arm, q)
     white = _white(rec)
-    steady = _steady(rec, residual, jac, white)
+    steady = _steady(rec, np.nan_to_num(bridged(rec.time, residual)), jac, white)
     gain, blind = solved(jac, np.sqrt(white**2 + steady**2))
-    wrench = np.einsum("nij,nj->ni", gain, np.nan_to_num(smooth(rec.time, residual, WRENCH_HZ)[0]))
+    wrench = np.einsum("nij,nj->ni", gain, smooth(rec.time, residual, WRENCH_HZ)[0])
     return External(wrench, gain, white, steady, blind)
 
 

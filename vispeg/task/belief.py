@@ -24,6 +24,7 @@ from vispeg.task.registry import config_of, task_of
 from vispeg.task.world_file import load_world
 from vispeg.task.world_robot import declared, is_path
 from vispeg.worlds.model_file import read_placed
+from vispeg.worlds.places import instances
 from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.words import place
 from vispeg.worlds.world import World
@@ -84,7 +85,7 @@ def believed(cell: CellBelief | None, file: str | Path | None = None, robot: str
     if robot is not None and not _same(robot, config.robot.model):
         got, expected = config.robot.model, f"{robot}, or no robot in `cell`"
         raise UserError("the cell belongs to another robot", file=at, key="cell.robot", expected=expected, got=got)
-    effects = [*fixed(world.world), *_effects(cell.effects, scene, at)]
+    effects = [*fixed(world.world, scene), *_effects(cell.effects, scene, at)]
     return Believed(scene, config, World(config.robot.model, None).add(*effects))
 
 
@@ -120,13 +121,14 @@ def _same(robot: str, other: str) -> bool:
     return robot == other or (is_path(robot) and is_path(other) and Path(robot).resolve() == Path(other).resolve())
 
 
-def fixed(world: RandomizedWorld) -> list[EffectInstance]:
+def fixed(world: RandomizedWorld, scene: Scene) -> list[EffectInstance]:
     """Return the effects of a world that are the same in every episode: a belief has no randomized effects."""
     out = list(world.base.effects)
     for r in world.ranges:
         params = {name: v for name, v in r.params.items() if isinstance(v, int | float)}
         if r.chance == 1.0 and len(params) == len(r.params):
-            out.append(EffectInstance.of(r.effect, r.where, **params))
+            places = instances(effect(r.effect), r.where, scene)
+            out += [EffectInstance.of(r.effect, where, **params) for where in places]
     return out
 
 

@@ -12,7 +12,6 @@ import numpy as np
 from vispeg.api.inputs import read_model
 from vispeg.api.recording.look import DURATION as LOOK_S
 from vispeg.api.recording.look import pictures_of, refuse_rate, scene_of
-from vispeg.core.effect import OPTICAL, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.identify.excitation import MOTIONS as JOINT
@@ -103,8 +102,7 @@ def record_in_cell(
         return record_cell(world, made, noise, rng, **options)
     refuse_rate(fps, rate_hz, float(made.time[-1]), cameras)
     truth: list[np.ndarray] = []
-    felt = world.only(lambda e: effect(e.effect).family not in OPTICAL)
-    rec = record_cell(felt, made, noise, rng, **options, watch=truth.append)
+    rec = record_cell(world, made, noise, rng, **options, watch=truth.append)
     drawing = {"seed": seed, "backend": backend, "progress": progress}
     scene = scene_of(world, cameras)
     return replace(rec, frames=pictures_of(world, scene, cameras, rec, truth[0], fps, rng, **drawing))

@@ -159,7 +159,7 @@ class TaskSimulation:
         Raises:
             UserError: a goal out of the range of the effect that moves it.
         """
-        world = drawn if start.effects is None else World(drawn.robot, drawn.tool, start.effects, drawn.cell)
+        world = drawn if start.effects is None else physical(World(drawn.robot, drawn.tool, start.effects, drawn.cell))
         if start.goal is None:
             return world
         kind = effect(self.scene.offset)

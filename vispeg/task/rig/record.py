@@ -108,12 +108,12 @@ def record_cell(
     )
     refuse_diverged(ran)
     watch(ran.true[0])
-    outcome = outcome_of(belief, ran) if motion.name.startswith(("insert", "look", "mix")) else ()
+    judged = motion.name.startswith(("insert", "look", "mix"))
     time, what = motion.time, motion.name
-    runs = [
-        recording(belief, world, control, ran, motion.ee_cmd, time, name, what, outcome, row)
-        for row in range(len(plants))
-    ]
+    runs = []
+    for row in range(len(plants)):
+        outcomes = outcome_of(belief, ran, row) if judged else ()
+        runs.append(recording(belief, world, control, ran, motion.ee_cmd, time, name, what, outcomes, row))
     return with_noise(runs if sensed else runs * repeat, noise, rng, torque_sensor, sensed is not None)
 
 
@@ -214,7 +214,7 @@ def with_noise(
     if repeat > 1:
         columns["episode"] = np.repeat(np.arange(repeat), len(rec.time))
     said = {key: float(level[key]) for key in (*names, "ft_torque") if level.get(key, 0.0) > 0}
-    outcomes = tuple(replace(o, episode=k) for k in range(repeat) for o in rec.outcomes)
+    outcomes = tuple(replace(o, episode=k) for k, run in enumerate(runs) for o in run.outcomes)
     tau = {} if torque_sensor != "none" else {"tau": None}
     time = np.tile(rec.time, repeat)
     return replace(rec, **columns, **tau, time=time, noise=said, torque_sensor=torque_sensor, outcomes=outcomes)
@@ -228,9 +228,9 @@ def _believed(world: World) -> Believed:
     return model_cell(world)
 
 
-def outcome_of(belief: Believed, ran: Ran) -> tuple[Outcome, ...]:
-    """Return the outcome of the first run, judged by its depth and its peak contact force."""
-    config, tip, peak = belief.config, ran.tip[0], float(ran.touch[0].max())
+def outcome_of(belief: Believed, ran: Ran, row: int = 0) -> tuple[Outcome, ...]:
+    """Return the outcome of the run `row`, judged by its depth and its peak contact force."""
+    config, tip, peak = belief.config, ran.tip[row], float(ran.touch[row].max())
     over = np.hypot(tip[:, 0], tip[:, 1]) < 0.5 * belief.scene.config.diameter
     depth = float(np.max(-tip[over, 2], initial=0.0))
     if peak > config.force_abort:

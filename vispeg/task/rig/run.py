@@ -18,6 +18,7 @@ from vispeg.sim.rollout import ReadingNoise
 from vispeg.sim.segments.rows import Rows
 from vispeg.sim.segments.segment import Segment
 from vispeg.task.cell import Cell
+from vispeg.worlds.split import physical
 from vispeg.worlds.world import World
 
 STEP = 5e-4  # s, greatest physics step: contact is stiff
@@ -94,7 +95,7 @@ def run(
 
     Args:
         scene: the nominal cell; its arm is the model that the controller uses.
-        worlds: their effects are applied to the scene.
+        worlds: their effects are applied to the scene, except for those that only cameras see.
         control: the controller, of mode osc.
         ee_cmd: (n, 7) flange poses in the base, m and w x y z, one for each tick of the controller.
         q, dq: (nj,) encoder readings at the first tick, rad and rad/s.
@@ -109,7 +110,7 @@ def run(
     rows, nominal = Rows([segment], nsim), nominal_of(scene.nominal, nsim, nthread)
     law = Controller(scene.nominal, rows, nominal, rows.by_tick(lambda s: s.q), along=False)
     start = np.tile(q, (nsim, 1))
-    cell = Cell(scene, worlds, tick / nsub, tick, nthread, [])
+    cell = Cell(scene, [physical(world) for world in worlds], tick / nsub, tick, nthread, [])
     weight, mass = nominal.gravity(start).copy(), nominal.operational(start)[0]
     apparent = 1.0 / np.diagonal(np.linalg.inv(mass), axis1=1, axis2=2)
     cell.start(start, np.tile(dq, (nsim, 1)), weight, apparent)
