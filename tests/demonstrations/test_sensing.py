@@ -27,7 +27,7 @@ def clips():
         for t in range(length):
             rgb[t, :, 6 + t + i :] = 190
             depth[t, :, 6 + t + i :] = 0.25
-        out.append(Clip(world.sample(i, scene), 100 + i, rgb, depth, np.full((length, 6), 0.01)))
+        out.append(Clip(world.sample(i, scene), 100 + i, rgb, depth, depth, np.full((length, 6), 0.01)))
     return out
 
 
@@ -47,8 +47,8 @@ def alone(clip):
 @pytest.mark.parametrize("rows", [1, 3, 7, 20])
 def test_a_clip_is_what_it_is_by_itself_whatever_is_beside_or_before_it(rows):
     given = clips()
-    for clip, (rgb, depth, _) in zip(given, sense(EYE, given, PERIOD, rows), strict=True):
-        want_rgb, want_depth = alone(clip)
+    for clip, seen in zip(given, sense(EYE, given, PERIOD, rows), strict=True):
+        (want_rgb, want_depth), rgb, depth = alone(clip), seen.rgb, seen.depth
         assert rgb.shape == clip.rgb.shape and rgb.dtype == np.uint8 and depth.dtype == np.float32
         # sums of another stack may round otherwise, by which a reading at a threshold may come or go
         assert np.abs(rgb - 255 * want_rgb).max() < 0.51 + 1e-3
@@ -60,7 +60,7 @@ def test_the_sensors_did_something_and_clips_are_left_as_they_were():
     given, kept = clips(), clips()
     seen = sense(EYE, given, PERIOD, 3)
     assert all(
-        (depth == 0).any() and not np.array_equal(depth, c.depth) for c, (_, depth, _) in zip(given, seen, strict=True)
+        (s.depth == 0).any() and not np.array_equal(s.depth, c.depth) for c, s in zip(given, seen, strict=True)
     )
     assert all(
         np.array_equal(a.rgb, b.rgb) and np.array_equal(a.depth, b.depth) for a, b in zip(given, kept, strict=True)
@@ -70,7 +70,7 @@ def test_the_sensors_did_something_and_clips_are_left_as_they_were():
 def test_the_same_clips_give_the_same_bytes_and_none_give_none():
     first, second = (sense(EYE, clips(), PERIOD) for _ in range(2))
     for a, b in zip(first, second, strict=True):
-        assert a[0].tobytes() == b[0].tobytes() and a[1].tobytes() == b[1].tobytes()
+        assert a.rgb.tobytes() == b.rgb.tobytes() and a.depth.tobytes() == b.depth.tobytes()
     assert sense(EYE, [], PERIOD) == []
 
 
@@ -81,7 +81,30 @@ def test_what_a_late_picture_shows_is_told():
     late = EffectInstance.of("camera_delay", "all", delay=2 * PERIOD)
     lost = EffectInstance.of("dropped_frames", "all", chance=0.4)
     cases = [(), (late,), (lost,), (lost, late)]
-    given = [Clip(World(effects=e), 7 + i, rgb, depth, np.zeros((6, 6))) for i, e in enumerate(cases)]
-    for seen_rgb, seen_depth, shown in sense(EYE, given, PERIOD):
-        assert (seen_rgb == rgb[shown]).all() and (seen_depth == depth[shown]).all()
-    assert [s[2].tolist() for s in sense(EYE, given[:2], PERIOD)] == [[0, 1, 2, 3, 4, 5], [0, 0, 0, 1, 2, 3]]
+    parts = np.stack([np.full((20, 24), t, np.uint8) for t in range(6)])
+    given = [Clip(World(effects=e), 7 + i, rgb, depth, depth, np.zeros((6, 6)), parts) for i, e in enumerate(cases)]
+    for seen in sense(EYE, given, PERIOD):
+        assert (seen.rgb == rgb[seen.shown]).all() and (seen.depth == depth[seen.shown]).all()
+        assert (seen.parts == parts[seen.shown]).all()
+    assert [s.shown.tolist() for s in sense(EYE, given[:2], PERIOD)] == [[0, 1, 2, 3, 4, 5], [0, 0, 0, 1, 2, 3]]
+
+
+@pytest.mark.parametrize(
+    "bent",
+    [
+        EffectInstance.of("lens_distortion", "all", k1=-0.15, p1=0.01),
+        EffectInstance.of("rolling_shutter", "all", readout=0.08),
+    ],
+    ids=lambda e: e.effect,
+)
+def test_labels_follow_the_pixels_through_lens_and_shutter(bent):
+    """Depth counts the parts: wherever the camera delivers it, the label is that of the pixel."""
+    parts = np.add.outer(np.arange(20) // 4, np.arange(24) // 4 * 5).astype(np.uint8)[None] + 1
+    depth = parts.astype(np.float32) / 10
+    velocity = np.array([[0.3, 0.2, 0.1, 0.5, -0.4, 1.0]])
+    late = EffectInstance.of("camera_delay", "all", delay=PERIOD)
+    clip = [np.repeat(x, 3, axis=0) for x in (depth, depth, velocity, parts)]
+    rgb = np.zeros((3, 20, 24, 3), np.uint8)
+    (seen,) = sense(EYE, [Clip(World(effects=(bent, late)), 3, rgb, *clip)], PERIOD)
+    assert not np.array_equal(seen.parts, clip[3])
+    assert np.array_equal(seen.parts, np.rint(10 * seen.depth).astype(np.uint8))

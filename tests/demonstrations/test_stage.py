@@ -65,16 +65,17 @@ def test_looks_share_states_and_physics_and_nothing_that_is_seen(asked, episodes
     assert differ and not any(k.startswith(("link_mass", "contact", "viscous", "payload")) for k in differ)
 
 
-def test_the_first_look_is_what_the_task_shows(asked):
+@pytest.mark.parametrize("world", ["unknown_hole", "N"])  # N: depth by block matching
+def test_the_first_look_is_what_the_task_shows(world):
     from vispeg.task.peg.task import PegInHoleVec
 
-    plan, layout = plan_of("unknown_hole", 8, cameras=CAMERAS, size=24, noise=0.0)
+    plan, layout = plan_of(world, 8, cameras=CAMERAS, size=24, noise=0.0)
     seeds = [plan.episode_seed(0, i) for i in range(ROWS)]
     stage = Stage(plan, layout)
     seed, moments, record, drawn = stage.play(seeds, 1000)[2]
     made = stage.draw(seed, 0, moments[:3], record, drawn)
     stage.close()
-    env = PegInHoleVec(ROWS, "unknown_hole", obs_mode="rgbd", cameras=CAMERAS, image_size=24, measured=True)
+    env = PegInHoleVec(ROWS, world, obs_mode="rgbd", cameras=CAMERAS, image_size=24, measured=True)
     seen = env.reset(seed=seeds[2])[0]  # row 0 plays it; the expert's actions are those that were recorded
     for step in range(3):
         for name in CAMERAS:

@@ -20,6 +20,7 @@ class Frame:
         normals: (n, H, W, 3) float32 surface normals in the camera's OpenCV axes; None if the renderer gives none.
         velocity: (n, 6) linear (m/s) and angular (rad/s) velocity of the camera in its own OpenCV axes, or None.
         time: (n,) s since the episode began, for latency and dropped frames.
+        parts: (n, H, W) number of the part that each pixel shows, 0 = none, moved with the pixels; or None.
         shown: (n,) s, time at which each image was taken: `time`, or earlier for a late image; or None.
     """
 
@@ -30,6 +31,7 @@ class Frame:
     normals: np.ndarray | None = None
     velocity: np.ndarray | None = None
     time: np.ndarray = field(default_factory=lambda: np.zeros(1))
+    parts: np.ndarray | None = None
     shown: np.ndarray | None = None
 
     @property

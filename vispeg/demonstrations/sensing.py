@@ -8,7 +8,7 @@ world and seed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,25 +30,42 @@ class Clip:
         seed: seed of the sensor's noise.
         rgb: (T, H, W, 3) uint8.
         depth: (T, H, W) float32, m, 0 = no reading.
+        truth: (T, H, W) float32, m, depth as rendered; the same array as `depth` unless block matching made that.
         velocity: (T, 6) of the camera in its own axes, m/s and rad/s.
+        parts: (T, H, W) uint8, number of the part in each pixel, 0 = none; None without labels.
     """
 
     world: World
     seed: int
     rgb: np.ndarray
     depth: np.ndarray
+    truth: np.ndarray
     velocity: np.ndarray
+    parts: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.rgb)
 
 
-def sense(
-    camera: Camera, clips: Sequence[Clip], period: float, rows: int = ROWS
-) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Return each clip's images as the camera delivers them, (T, H, W, 3) uint8 and (T, H, W) float32 m.
+@dataclass(frozen=True)
+class Sensed:
+    """A clip's images as the camera delivers them.
 
-    The third array, (T,) int, is the time step of the clip that each image shows: an earlier one if the image is late.
+    Attributes:
+        rgb: (T, H, W, 3) uint8.
+        depth: (T, H, W) float32, m, 0 = no reading.
+        shown: (T,) int, time step of the clip that each image shows: an earlier one if the image is late.
+        parts: (T, H, W) uint8, number of the part in each delivered pixel; None without labels.
+    """
+
+    rgb: np.ndarray
+    depth: np.ndarray
+    shown: np.ndarray
+    parts: np.ndarray | None
+
+
+def sense(camera: Camera, clips: Sequence[Clip], period: float, rows: int = ROWS) -> list[Sensed]:
+    """Return each clip's images as the camera delivers them.
 
     Args:
         camera: the camera with its believed intrinsics.
@@ -60,20 +77,21 @@ def sense(
         ValueError: an effect returned no image.
     """
     n = min(rows, len(clips))
-    out = [(np.empty_like(c.rgb), np.empty_like(c.depth), np.empty(len(c), int)) for c in clips]
+    out = [Sensed(*map(np.empty_like, (c.rgb, c.depth)), np.empty(len(c), int), _empty(c.parts)) for c in clips]
+    labelled = all(c.parts is not None for c in clips)
     clip_of, step, following = list(range(n)), [0] * n, n  # clip and step of each row; the next clip
     pipeline = Pipeline([clips[i].world for i in clip_of], camera.name)
     intrinsics = np.repeat(camera.K[None], n, axis=0)
     busy = list(range(n))
     while busy:
         now = [(clips[i], min(t, len(clips[i]) - 1)) for i, t in zip(clip_of, step, strict=True)]
-        depth = np.stack([c.depth[t] for c, t in now])
         frame = Frame(
             rgb=np.stack([c.rgb[t] for c, t in now]).astype(np.float32) / 255,
-            depth=depth,
+            depth=np.stack([c.depth[t] for c, t in now]),
             K=intrinsics,
-            truth=depth,
+            truth=np.stack([c.truth[t] for c, t in now]),
             velocity=np.stack([c.velocity[t] for c, t in now]),
+            parts=np.stack([c.parts[t] for c, t in now if c.parts is not None]) if labelled else None,
             time=np.array(step) * period,
         )
         delivered = pipeline.run(frame, [stream(c.seed, "image", camera.name, t) for c, t in now])
@@ -83,7 +101,9 @@ def sense(
         shown = np.rint(delivered.shown / period).astype(int)
         for row in busy:
             of, at = out[clip_of[row]], step[row]
-            of[0][at], of[1][at], of[2][at] = rgb[row], np.nan_to_num(delivered.depth[row]), shown[row]
+            of.rgb[at], of.depth[at], of.shown[at] = rgb[row], np.nan_to_num(delivered.depth[row]), shown[row]
+            if of.parts is not None and delivered.parts is not None:
+                of.parts[at] = delivered.parts[row]
             step[row] += 1
         over = [row for row in busy if step[row] == len(clips[clip_of[row]])]
         for row in over:
@@ -93,4 +113,9 @@ def sense(
             else:
                 pipeline.place([row], [World()])  # an idle row repeats its last image, without effects
                 busy.remove(row)
-    return out
+    # labels follow the pixels through lens and shutter; a late image has those of the moment that it shows
+    return [s if s.parts is None else replace(s, parts=s.parts[s.shown]) for s in out]
+
+
+def _empty(like: np.ndarray | None) -> np.ndarray | None:
+    return None if like is None else np.empty_like(like)

@@ -25,7 +25,8 @@ from vispeg.datasets.shards.shard import drawn
 from vispeg.demonstrations.plan import scene_of, task_of
 from vispeg.demonstrations.sensing import ROWS as SENSOR_ROWS
 from vispeg.demonstrations.sensing import Clip, sense
-from vispeg.render.backends.backend import Renderer, Shot
+from vispeg.render.backends.backend import Renderer
+from vispeg.render.block_matching import Matcher
 from vispeg.render.cameras.camera_files import to_record
 from vispeg.render.contrast import TRIES, redraw
 from vispeg.render.image_kinds import FAR
@@ -66,7 +67,7 @@ class Take:
 
     Attributes:
         frames: values of every frame, without images and their labels.
-        labels: labels of every moment, by camera; a late image gets the labels of the moment that it shows.
+        labels: poses of every moment, by camera; a late image gets those of the moment that it shows.
         clips: images by camera.
         about: metadata of the episode.
     """
@@ -124,6 +125,7 @@ class Stage:
         self.expert = self.task.expert(self.config, ROWS)
         make = {"backend": plan.backend, "shadows": bool(file.renderer.get("shadows", False))}
         self.renderer = Renderer(self.scene, layout.cameras, labels=plan.labels, **make)
+        self.matcher = Matcher(self.renderer, self.scene, plan.backend)
 
     # Physics --------------------------------------------------------------------------------------------------
     def play(
@@ -199,13 +201,15 @@ class Stage:
         cell = moments[0].cell  # the state in which `redraw` judges each look
         where = {"qpos": cell.qpos, "bodies": cell.bodies}
         world, refused = redraw(self.seen, self.scene, self.renderer, view_seed, **where)
-        shots, pos, axes = [], [], []
+        self.matcher.begin(world, cell.bodies)
+        shots, matched, pos, axes = [], [], [], []
         sites = [self.renderer.model.site(name).id for name in (self.scene.goal, self.scene.tip_site)]
         for moment in moments:
             views = self.renderer.render(moment.cell.qpos, moment.cell.bodies, moment.cell.qvel)
             data, eyes = self.renderer.data, [views[c.name].pose for c in self.layout.cameras]
             pos.append([*data.site_xpos[sites], *(eye[:3, 3] for eye in eyes)])
             axes.append([*data.site_xmat[sites].reshape(-1, 3, 3), *(eye[:3, :3] for eye in eyes)])
+            matched.append(self.matcher.depths(view_seed, moment.cell))
             shots.append({name: replace(shot, normal_of=None, poses=None) for name, shot in views.items()})
             drawn(1)
         # of the goal, the tip and each camera in every frame: (T, 2 + cameras, 7) m and wxyz
@@ -228,22 +232,15 @@ class Stage:
         clips = {}
         for c in self.layout.cameras:
             mine = [s[c.name] for s in shots]
-            rgb, depth, velocity = (np.stack([getattr(s, key) for s in mine]) for key in ("rgb", "depth", "velocity"))
-            clips[c.name] = Clip(world, view_seed, rgb, depth, velocity)
+            rgb, truth, velocity = (np.stack([getattr(s, key) for s in mine]) for key in ("rgb", "depth", "velocity"))
+            depth = np.stack([m[c.name] for m in matched]) if c.name in matched[0] else truth
+            parts = [s.segmentation.astype(np.uint8) for s in mine if s.segmentation is not None]
+            clips[c.name] = Clip(world, view_seed, rgb, depth, truth, velocity, np.stack(parts) if parts else None)
         by_camera = {
-            c.name: [
-                self._labels(c.name, shot[c.name], of[1], of[2 + i]) for shot, of in zip(shots, poses, strict=True)
-            ]
+            c.name: [{f"label.{self.scene.held}.{c.name}": of[1], f"label.camera.{c.name}": of[2 + i]} for of in poses]
             for i, c in enumerate(self.layout.cameras)
         }
         return Take(frames, by_camera, clips, about)
-
-    def _labels(self, camera: str, shot: Shot, tip: np.ndarray, eye: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the labels of a camera's image, with the poses (7,) of the tip and of the camera."""
-        labels = {f"label.{self.scene.held}.{camera}": tip, f"label.camera.{camera}": eye}
-        if shot.segmentation is not None:
-            labels[f"label.parts.{camera}"] = shot.segmentation.astype(np.uint8)
-        return labels
 
     def develop(self, takes: Sequence[Take]) -> Iterator[Episode]:
         """Yield the takes as episodes ready to be written, with sensor effects applied to their images."""
@@ -254,15 +251,18 @@ class Stage:
             for step, frame in enumerate(take.frames):
                 pictures = {}
                 for c, clips in zip(cameras, delivered, strict=True):
-                    rgb, depth, shown = clips[k]
-                    pictures |= take.labels[c.name][shown[step]]
-                    pictures[colour_of(c.name)] = rgb[step]
-                    pictures[depth_of(c.name, ())] = np.clip(depth[step], 0, FAR)
+                    sensed = clips[k]
+                    pictures |= take.labels[c.name][sensed.shown[step]]
+                    pictures[colour_of(c.name)] = sensed.rgb[step]
+                    pictures[depth_of(c.name, ())] = np.clip(sensed.depth[step], 0, FAR)
+                    if sensed.parts is not None:
+                        pictures[f"label.parts.{c.name}"] = sensed.parts[step]
                 recorder.add(frame | pictures)
             yield recorder.finish(take.about)
 
     def close(self) -> None:
-        """Close the renderer."""
+        """Close the renderers."""
+        self.matcher.close()
         self.renderer.close()
 
 

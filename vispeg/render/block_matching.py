@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from vispeg.effects.common.field import normal
 from vispeg.effects.common.light import LUMA, to_linear
 from vispeg.render.backends.backend import Renderer, Shot
 from vispeg.render.cameras.camera import PINHOLE, Camera
+from vispeg.render.look import dress
+from vispeg.render.snapshot import Snapshot
+from vispeg.robots.scene import Scene
 from vispeg.worlds.world import World
 
 NAME = "block_matching"
@@ -29,6 +33,51 @@ SPECKLE = 512  # px, side of the pattern, which repeats beyond it
 MARGIN = 8  # px on the right, where the matcher's blocks would reach beyond the picture
 GRAIN = 1.5  # size of a speckle, in px of the eyes
 SPURIOUS = 40  # px; regions of similar disparity smaller than this are discarded as wrong matches
+
+
+class Matcher:
+    """Block matching by the cameras of a renderer, in the worlds that have the effect.
+
+    Args:
+        renderer: the renderer, dressed in the look of the present world.
+        scene: its scene.
+        backend: the renderer's backend. Filament draws no eyes: they have many pixels and need no physically based
+            materials, so that a faster backend draws them.
+    """
+
+    def __init__(self, renderer: Renderer, scene: Scene, backend: str):
+        self.renderer, self.scene, self.apart = renderer, scene, backend == "filament"
+        self._settings: dict[str, dict[str, float]] = {}
+        self._eyes: Renderer | None = None
+
+    def begin(self, world: World, bodies: Mapping[str, Any]) -> None:
+        """Begin an episode in a sampled world, with things at these places (see `dress`)."""
+        found = {c.name: settings(world, c.name) for c in self.renderer.cameras}
+        self._settings = {name: p for name, p in found.items() if p is not None}
+        if self._settings and self.apart:
+            self._eyes = self._eyes or Renderer(self.scene, self.renderer.cameras, "auto")
+            dress(self._eyes, self.scene, world, bodies)
+
+    def depths(self, seed: int, snapshot: Snapshot) -> dict[str, np.ndarray]:
+        """Return the depth (H, W) float32 m of each camera that has the effect, in the state just rendered.
+
+        Args:
+            seed: seed of the look, for the read-out noise.
+            snapshot: the state.
+        """
+        renderer = self.renderer
+        if self._settings and self._eyes is not None:
+            renderer = self._eyes
+            renderer.render(snapshot.qpos, snapshot.bodies)
+        return {
+            name: depth(renderer, name, p, stream(seed, "eyes", name, snapshot.count), snapshot.qpos)
+            for name, p in self._settings.items()
+        }
+
+    def close(self) -> None:
+        """Free the renderer of the eyes."""
+        if self._eyes is not None:
+            self._eyes.close()
 
 
 def settings(world: World, camera: str) -> dict[str, float] | None:

@@ -99,6 +99,7 @@ class Pipeline:
             frame,
             rgb=None if frame.rgb is None else frame.rgb.copy(),
             depth=None if frame.depth is None else frame.depth.copy(),
+            parts=None if frame.parts is None else frame.parts.copy(),
             truth=frame.depth if frame.truth is None else frame.truth,
             shown=np.array(np.broadcast_to(frame.time, (self.n,)), float),
         )

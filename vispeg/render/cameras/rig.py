@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from vispeg.core.effect import effect
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
-from vispeg.render import block_matching
 from vispeg.render.backends.backend import Renderer, Shot
+from vispeg.render.block_matching import Matcher
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.pipeline import Pipeline
 from vispeg.render.contrast import redraw
@@ -69,14 +68,12 @@ class CameraRig:
         self._seed_of = look_seed or (lambda seed: seed)
         self._seeds = np.zeros(rows, np.int64)
         self._film: Renderer | None = None
-        self._infrared: dict[int, Renderer] = {}
         self._renderers = [self._renderer(self.cameras) for _ in range(rows if cameras else 0)]
         self._pipelines = {c.name: Pipeline([World()] * rows, c.name) for c in self.cameras}
-        self._matchers: list[dict[str, dict[str, float]]] = [
-            {} for _ in range(rows)
-        ]  # by row and camera: settings of block matching
+        self._matchers = [Matcher(renderer, scene, backend) for renderer in self._renderers]
         self._snapshots: dict[int, Snapshot] = {}
         self._shots: dict[int, dict[str, Shot]] = {}
+        self._matched: dict[int, dict[str, np.ndarray]] = {}  # by row and camera: depth by block matching
         self._new = np.zeros(rows, bool)  # rows rendered since their images were last delivered
         self._delivered: dict[str, np.ndarray] = {}
         for c in self.cameras:
@@ -106,13 +103,7 @@ class CameraRig:
             seed, state = int(self._seeds[row]), {"qpos": snapshot.qpos, "bodies": snapshot.bodies}
             world, refused = redraw(self.world, self.scene, self._renderers[row], seed, levels, **state)
             self.drawn[row], self.redrawn = world, self.redrawn + refused
-            matched = {c.name: block_matching.settings(world, c.name) for c in self.cameras}
-            self._matchers[row] = {name: p for name, p in matched.items() if p is not None}
-            # the infrared pair has many pixels and needs no physically based materials, so a faster backend draws it
-            if self._matchers[row] and self.backend == "filament":
-                if row not in self._infrared:
-                    self._infrared[row] = Renderer(self.scene, self.cameras, "auto")
-                dress(self._infrared[row], self.scene, world, snapshot.bodies)
+            self._matchers[row].begin(world, snapshot.bodies)
         for pipeline in self._pipelines.values():
             pipeline.place(list(snapshots), [self.drawn[row] for row in snapshots])
 
@@ -120,12 +111,8 @@ class CameraRig:
         """Render the cameras of these rows in the given states."""
         for row, snapshot in snapshots.items() if self.cameras else ():
             shots = self._renderers[row].render(snapshot.qpos, snapshot.bodies, snapshot.qvel)
-            for name, p in self._matchers[row].items() if DEPTH in self.kinds else ():
-                rng = stream(int(self._seeds[row]), "eyes", name, snapshot.count)
-                pair = self._infrared.get(row, self._renderers[row])
-                if pair is not self._renderers[row]:
-                    pair.render(snapshot.qpos, snapshot.bodies)
-                shots[name] = replace(shots[name], depth=block_matching.depth(pair, name, p, rng, snapshot.qpos))
+            if DEPTH in self.kinds:
+                self._matched[row] = self._matchers[row].depths(int(self._seeds[row]), snapshot)
             self._shots[row], self._snapshots[row], self._new[row] = shots, snapshot, True
 
     def see(self) -> dict[str, np.ndarray]:
@@ -159,7 +146,8 @@ class CameraRig:
         if RGB in self.kinds:
             rgb = np.stack([s.rgb for s in shots]).astype(np.float32) / 255
         if DEPTH in self.kinds:
-            depth = truth
+            matched = [self._matched[row].get(camera.name) for row in range(self.rows)]
+            depth = np.stack([s.depth if m is None else m for s, m in zip(shots, matched, strict=True)])
         return Frame(
             rgb=rgb,
             depth=depth,
@@ -200,6 +188,6 @@ class CameraRig:
 
     def close(self) -> None:
         """Free the renderers."""
-        for r in (*self._renderers, *self._infrared.values(), self._film):
+        for r in (*self._renderers, *self._matchers, self._film):
             if r is not None:
                 r.close()

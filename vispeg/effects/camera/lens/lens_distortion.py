@@ -45,6 +45,8 @@ class LensDistortion(CameraEffect):
                 frame.rgb[row] = cv2.remap(frame.rgb[row], u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
             if frame.depth is not None:
                 frame.depth[row] = cv2.remap(frame.depth[row], u, v, cv2.INTER_NEAREST, borderValue=0)
+            if frame.parts is not None:
+                frame.parts[row] = cv2.remap(frame.parts[row], u, v, cv2.INTER_NEAREST, borderValue=0)
 
 
 def _map(K: np.ndarray, shape: tuple[int, int], brown: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:

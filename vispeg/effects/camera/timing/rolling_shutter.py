@@ -39,6 +39,8 @@ class RollingShutter(CameraEffect):
                 frame.rgb[row] = cv2.remap(frame.rgb[row], u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
             if frame.depth is not None:
                 frame.depth[row] = cv2.remap(frame.depth[row], u, v, cv2.INTER_NEAREST, borderValue=0)
+            if frame.parts is not None:
+                frame.parts[row] = cv2.remap(frame.parts[row], u, v, cv2.INTER_NEAREST, borderValue=0)
 
 
 def image_flow(frame, row: int) -> np.ndarray:
