@@ -9,15 +9,18 @@ import mutations
 import numpy as np
 import pytest
 import trimesh
+import yaml
 from rendered import LAYOUT, PLAN, source
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.check import check
 from vispeg.datasets.formats.models import described
 from vispeg.datasets.formats.registry import export
+from vispeg.datasets.layout import colour_of, depth_of
 from vispeg.datasets.opening import open_dataset
 from vispeg.datasets.read import Dataset
 from vispeg.datasets.shards.rendering import render
+from vispeg.demonstrations.plan import plan_of
 from vispeg.render.part_mesh import part_mesh
 from vispeg.report.dataset.build import write
 from vispeg.robots.scene import build
@@ -140,3 +143,43 @@ def test_the_cells_peg_and_fixture_have_the_models_that_are_drawn():
     assert about["symmetries_continuous"] == [{"axis": [0, 0, 1], "offset": [0, 0, 0]}]
     assert fixture[0][:, 2].max() == pytest.approx(0, abs=1e-6)  # its top is the hole's mouth
     assert len(described(fixture)["symmetries_discrete"]) == 3
+
+
+@pytest.mark.parametrize("sides", [2, 3, 5, 6])
+def test_a_prism_has_the_turns_of_its_sides(sides):
+    """A regular prism, or for two sides a box of unequal edges: a turn by 1/n maps it to itself."""
+    angle = 2 * np.pi * np.arange(sides) / sides
+    outline = (
+        np.stack([np.cos(angle), np.sin(angle)], 1) if sides > 2 else np.array([(1, 2), (-1, 2), (-1, -2), (1, -2)])
+    )
+    vertices = np.concatenate([np.column_stack([outline, np.full(len(outline), z)]) for z in (0.0, 3.0)])
+    turns = np.reshape(described((vertices, np.zeros((1, 3), int)))["symmetries_discrete"], (-1, 4, 4))
+    assert len(turns) == sides - 1
+    for turn in turns:
+        turned = vertices @ turn[:3, :3].T
+        assert np.linalg.norm(turned[:, None] - vertices, axis=-1).min(axis=1).max() < 1e-9
+
+
+def test_a_camera_that_is_named_as_another_ones_depth_keeps_its_own_pictures(tmp_path):
+    features = [f(name) for name in ("wrist", "wrist_depth") for f in (colour_of, lambda c: depth_of(c, ()))]
+    assert [depth_of(name, features) for name in ("wrist", "wrist_depth")] == features[1::2]
+    assert depth_of("wrist", ["observation.images.wrist_depth"]) == "observation.images.wrist_depth"
+    cameras = {"wrist": {"width": 24, "height": 24}, "wrist_depth": {"width": 24, "height": 24}}
+    (tmp_path / "w.yaml").write_text(
+        yaml.safe_dump({"format": "vispeg-world/1", "base": "nominal", "cameras": cameras})
+    )
+    with pytest.raises(UserError, match="name of another one's depth"):
+        plan_of(str(tmp_path / "w.yaml"), 4, cameras=("wrist", "wrist_depth"), size=24)
+
+
+def test_a_lens_that_a_bop_dataset_states_is_read(source_of, tmp_path):
+    shutil.copytree(source_of / "bop", tmp_path / "bop")
+    lens = [-0.1, 0.02, 0.0, 0.001, 0.0]
+    for path in (tmp_path / "bop").glob("train/*/scene_camera.json"):
+        record = json.loads(path.read_text())
+        path.write_text(json.dumps({key: entry | {"cam_distortion": lens} for key, entry in record.items()}))
+    (camera,) = open_dataset(tmp_path / "bop").cameras.values()
+    assert camera.distortion == tuple(lens)
+    path.write_text(json.dumps({key: entry | {"cam_distortion": lens[:3]} for key, entry in record.items()}))
+    with pytest.raises(UserError, match="cam_distortion.*five finite numbers"):
+        open_dataset(tmp_path / "bop")

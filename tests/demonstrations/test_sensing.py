@@ -59,9 +59,7 @@ def test_a_clip_is_what_it_is_by_itself_whatever_is_beside_or_before_it(rows):
 def test_the_sensors_did_something_and_clips_are_left_as_they_were():
     given, kept = clips(), clips()
     seen = sense(EYE, given, PERIOD, 3)
-    assert all(
-        (s.depth == 0).any() and not np.array_equal(s.depth, c.depth) for c, s in zip(given, seen, strict=True)
-    )
+    assert all((s.depth == 0).any() and not np.array_equal(s.depth, c.depth) for c, s in zip(given, seen, strict=True))
     assert all(
         np.array_equal(a.rgb, b.rgb) and np.array_equal(a.depth, b.depth) for a, b in zip(given, kept, strict=True)
     )

@@ -12,11 +12,13 @@ from vispeg.core.seeds import stream
 from vispeg.render.backends import classic, filament
 from vispeg.render.backends.backend import Renderer
 from vispeg.render.backends.raycast import cast
+from vispeg.render.backends.warp import Warp
 from vispeg.render.cameras import model_camera
-from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.camera import MAX_SIDE, PINHOLE, Camera
 from vispeg.render.cameras.standard import standard_cameras
 from vispeg.render.cameras.view import parent_of, view_of
 from vispeg.robots.scene import build
+from vispeg.vision.eye import Eye
 
 BACKENDS = ["classic", "raycast", "filament"]
 OVER = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0, 0.0])  # rad, m: the peg over the hole
@@ -231,6 +233,19 @@ def test_a_lens_bends_the_picture_as_its_rays_say(cell):
     assert np.median(np.abs(shot.depth - depth)[inner]) < 1e-3  # the nearest of a grid twice as fine
     assert (shot.segmentation == renderer._table[ids]).mean() > 0.97
     assert shot.rgb.shape == (64, 64, 3)
+
+
+@pytest.mark.parametrize(("width", "height", "f", "lens"), [
+    (848, 480, 420.0, (0.01, 0.0, 0.0, 0.0, 0.0)), (640, 480, 600.0, (-0.28, 0.07, 0.0, 0.0, 0.0)),
+])  # fmt: skip
+def test_an_ordinary_lens_is_drawn_at_three_rays_a_pixel(width, height, f, lens):
+    """As `vispeg record` draws; the undistorted image is as fine as fits, and no coarser than the camera's."""
+    camera = Camera("eye", width, height, f, f, (width - 1) / 2, (height - 1) / 2, lens)
+    fine = Eye(camera, camera).finer(3).camera
+    warp = Warp(fine)
+    assert fine.fx <= warp.pinhole.fx <= 2 * fine.fx and warp.pinhole.width <= MAX_SIDE // 2
+    with pytest.raises(UserError, match="too wide to draw"):
+        Warp(camera.moved(width=8 * width, distortion=PINHOLE))
 
 
 @pytest.mark.parametrize("parent", ["flange", "link4", "hole", "fixture", "base"])

@@ -9,7 +9,7 @@ from vispeg.core.errors import UserError
 from vispeg.render.calibration import read_poses
 from vispeg.render.calibration.known import read_intrinsics
 from vispeg.render.cameras.camera import Camera
-from vispeg.render.cameras.camera_files import save_cameras
+from vispeg.render.cameras.camera_files import load_cameras, save_cameras
 
 HEAD = "file,x,y,z,qw,qx,qy,qz\n"
 SIZE = "<image_width>640</image_width><image_height>480</image_height>"
@@ -62,6 +62,13 @@ def test_wrong_tables(tmp_path, text, words):
     file.write_text(text)
     with pytest.raises(UserError, match=words):
         read_poses(file, ["a.png"])
+
+
+@pytest.mark.parametrize("style", ["vispeg", "opencv", "ros"])
+@pytest.mark.parametrize("name", ['a"b', "a\\q", "left: 1"])
+def test_any_name_of_a_camera_comes_back(tmp_path, style, name):
+    camera = Camera(name, 64, 48, 50.0, 50.0, 31.5, 23.5)
+    assert load_cameras(save_cameras(tmp_path / "eye.yaml", camera, style=style))[0].name == name
 
 
 def test_known_intrinsics(tmp_path):

@@ -14,11 +14,13 @@ from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.frames.camera import RecordedCamera
 from vispeg.recordings.frames.frames import Frames, RecordedFrame
 from vispeg.render.cameras.standard import standard_cameras
+from vispeg.robots.model import load
 from vispeg.task.start import home
 from vispeg.vision.blur import softness
 from vispeg.vision.borders import Borders, borders_of
 from vispeg.vision.check import check_frames, warnings_of
 from vispeg.vision.excites import View, _of_time, _robot, excited
+from vispeg.vision.eye import posed
 from vispeg.vision.predict import Predictor
 from vispeg.vision.search import search
 from vispeg.worlds.world import World
@@ -67,6 +69,16 @@ def test_softness_is_the_blur_that_was_put_in(sigma):
     )
     found = softness(picture, borders, search(picture, borders))
     assert np.nanmedian(found) == pytest.approx(np.hypot(sigma, 0.3), rel=0.1)
+
+
+def test_a_camera_of_the_robot_s_file_gives_its_pose_whether_it_states_a_resolution_or_not(tmp_path):
+    arm = """<mujoco><worldbody><camera name="eye" pos="0 0 2" fovy="50" {}/><body name="b"><joint name="j"/>
+      <geom size=".1"/><site name="flange"/></body></worldbody></mujoco>"""
+    for stated in ("", 'resolution="64 48"'):
+        (tmp_path / "arm.xml").write_text(arm.format(stated))
+        (camera,) = posed(Frames({"eye": EYE}, ()), load(tmp_path / "arm.xml")).cameras.values()
+        assert camera.mount == "base" and camera.pose is not None and camera.width == EYE.width
+        assert camera.pose[:3, 3].tolist() == [0, 0, 2]
 
 
 @pytest.mark.parametrize(("camera", "moved"), [("wrist_wide", "standing"), ("external", "carried")])

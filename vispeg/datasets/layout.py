@@ -133,9 +133,12 @@ def colour_of(camera: str) -> str:
 
 
 def depth_of(camera: str, features: Container[str]) -> str:
-    """Return the name of the feature with a camera's depth; the older of its two names if `features` has that one."""
-    old = f"observation.images.{camera}_depth"
-    return old if old in features else f"observation.depth.{camera}"
+    """Return the name of the feature with a camera's depth.
+
+    Where `features` has only the older of its two names, it is that one.
+    """
+    old, new = f"observation.images.{camera}_depth", f"observation.depth.{camera}"
+    return old if old in features and new not in features else new
 
 
 def pose_of(part: str, camera: str, features: Container[str]) -> str:

@@ -101,7 +101,15 @@ def scene_of(task: TaskConfig) -> Scene:
 def layout_of(
     file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], labels: bool, deep: bool = True
 ) -> Layout:
-    """Return the layout of a rendered frame, with or without segmentation and depth."""
+    """Return the layout of a rendered frame, with or without segmentation and depth.
+
+    Raises:
+        UserError: a camera's name is another one's with `_depth`, which files use for that one's depth.
+    """
+    names = {c.name for c in cameras}
+    for name in names & {f"{other}_depth" for other in names}:
+        what = "a camera has the name of another one's depth"
+        raise UserError(what, file=file.path, key="cameras", expected="another name", got=name)
     observed, scene = Observation(registry.task_of(task).terms, task), scene_of(task)
     features: dict[str, Feature] = {
         "observation.state": numbers((*scene.joints, *TASK_STATE)),

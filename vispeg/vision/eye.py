@@ -101,9 +101,13 @@ def camera_of(recorded: RecordedCamera) -> Camera:
 
 
 def posed(frames: Frames, robot: RobotModel) -> Frames:
-    """Return the frames with camera poses that the recording lacks taken from the robot's file."""
+    """Return the frames with camera poses that the recording lacks taken from the robot's file.
+
+    The recording states the cameras' sizes, so those in the robot's file need none.
+    """
     bare = [name for name, camera in frames.cameras.items() if camera.pose is None]
-    known = {c.name: recorded_of(c) for c in cameras_of(robot) if c.name in bare and c.parent in ("base", "flange")}
+    stated = [c for c in cameras_of(robot, (1, 1)) if c.name in bare and c.parent in ("base", "flange")]
+    known = {c.name: recorded_of(c) for c in stated}
     if not known:
         return frames
     cameras = dict(frames.cameras)

@@ -2,8 +2,9 @@
 
 A scene is one episode seen by one camera, since a scene's pictures have one size. Objects are the parts with poses,
 counted from 1: the held part, whose frame is at its tip, and the fixture, whose frame is the goal's. Units are
-millimetres. `cam_K` holds the true intrinsics of a picture, not the nominal ones. BOP has no lens distortion; if a
-world draws one, its coefficients are added as `cam_distortion`.
+millimetres. `cam_K` holds the true intrinsics of a picture, not the nominal ones. BOP has no lens distortion; where a
+camera's file states one, its coefficients are added as `cam_distortion`. What the effect `lens_distortion` draws in an
+episode bends pictures and masks, and stands in no file of this format.
 """
 
 from __future__ import annotations

@@ -15,6 +15,7 @@ from vispeg.formats.guard import MB, read_bytes
 FOLDER = "meta/models"
 Mesh = tuple[np.ndarray, np.ndarray]  # vertices (v, 3) and triangles (f, 3)
 TURNS = 32  # a part counts as round if it is unchanged by 1/32 of a turn
+MOST = 12  # greatest number of equal turns about z that are looked for
 SAME = 1e-3  # tolerance of a turned vertex, as a share of the part's extent
 
 
@@ -58,11 +59,11 @@ def described(mesh: Mesh) -> Mapping[str, object]:
     out: dict[str, object] = {key: round(float(value), 5) for key, value in numbers.items()}
     if _same_turned(vertices, 2 * np.pi / TURNS):
         return out | {"symmetries_continuous": [{"axis": [0, 0, 1], "offset": [0, 0, 0]}]}
-    if _same_turned(vertices, np.pi / 2):
-        turns = [np.eye(4) for _ in range(3)]
-        for k, turn in enumerate(turns, 1):
-            turn[:2, :2] = np.round(_turn(k * np.pi / 2)[:2, :2]) + 0.0
-        return out | {"symmetries_discrete": [turn.ravel().tolist() for turn in turns]}
+    for n in range(MOST, 1, -1):
+        if _same_turned(vertices, 2 * np.pi / n):
+            turns = np.repeat(np.eye(4)[None], n - 1, axis=0)
+            turns[:, :3, :3] = [_turn(2 * np.pi * k / n) for k in range(1, n)]
+            return out | {"symmetries_discrete": [t.ravel().tolist() for t in np.round(turns, 12) + 0.0]}
     return out
 
 

@@ -23,7 +23,7 @@ from vispeg.datasets.layout import colour_of, depth, depth_of, parts, picture
 from vispeg.datasets.moments import Seen
 from vispeg.formats.guard import is_file, read_bytes
 from vispeg.formats.json_data import read_json
-from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.camera import PINHOLE, Camera
 
 LISTING, CAMERA, TRUTH = "dataset_info.json", "scene_camera.json", "scene_gt.json"
 INFO = "models/models_info.json"
@@ -93,15 +93,19 @@ class Bop(Stored):
             scale = entry.get("depth_scale", 1.0)
             if not is_number(scale) or not 0 < scale < 1e3:
                 raise UserError("not a scale", file=path, key=f"{key}.depth_scale", expected="mm a step", got=scale)
+            lens = entry.get("cam_distortion", [*PINHOLE])
+            if not isinstance(lens, list) or len(lens) != len(PINHOLE) or not all(map(is_number, lens)):
+                said = "not k1, k2, p1, p2, k3"
+                raise UserError(said, file=path, key=f"{key}.cam_distortion", expected="five finite numbers", got=lens)
         return {int(key): record[key] for key in sorted(record, key=int)}
 
     def _camera(self, name: str, scene: Path) -> Camera:
         first, entry = next(iter(self._frames(scene).items()))
         path = _picture_of(scene / "rgb", first)
         height, width = decode(read_bytes(path, LARGEST), str(path)).shape[:2]
-        K = entry["cam_K"]
+        K, (k1, k2, p1, p2, k3) = entry["cam_K"], entry.get("cam_distortion", PINHOLE)
         try:
-            return Camera(name, width, height, K[0], K[4], K[2], K[5])
+            return Camera(name, width, height, K[0], K[4], K[2], K[5], (k1, k2, p1, p2, k3))
         except UserError as error:
             raise UserError(str(error), file=scene / CAMERA, key=f"{first}.cam_K") from None
 

@@ -8,7 +8,7 @@ from vispeg.core.errors import UserError
 from vispeg.render.backends.picture import Picture
 from vispeg.render.cameras.camera import MAX_SIDE, PINHOLE, Camera
 
-FINER = 2.0  # factor of resolution, so that parts of the image that the lens magnifies stay sharp
+FINER = 2.0  # factor of resolution, so that parts of the image that the lens magnifies stay sharp; less if too large
 
 
 class Warp:
@@ -24,10 +24,12 @@ class Warp:
     def __init__(self, camera: Camera):
         rays = camera.rays()
         low, high = rays[..., :2].min((0, 1)), rays[..., :2].max((0, 1))
-        f = FINER * np.array([camera.fx, camera.fy])
+        f, most = np.array([camera.fx, camera.fy]), MAX_SIDE // 2
+        finer = min(FINER, (most - 4) / float((f * (high - low)).max()))
+        if not finer >= 1:
+            raise UserError("a lens too wide to draw", expected=f"up to {most} px", got=camera.distortion)
+        f = finer * f
         size = np.ceil(f * (high - low)).astype(int) + 3  # one px to spare on each side
-        if size.max() > MAX_SIDE // 2:
-            raise UserError("a lens too wide to draw", expected=f"up to {MAX_SIDE // 2} px", got=camera.distortion)
         centre = 1 - f * low
         self.pinhole = camera.moved(
             width=int(size[0]), height=int(size[1]), fx=f[0], fy=f[1], cx=centre[0], cy=centre[1], distortion=PINHOLE

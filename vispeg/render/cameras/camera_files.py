@@ -6,6 +6,7 @@ the base frame, with the base's axes.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -169,7 +170,8 @@ def _opencv(camera: Camera) -> str:
         return f"!!opencv-matrix\n   rows: {rows}\n   cols: {cols}\n   dt: d\n   data: [ {data} ]\n"
 
     return (
-        f'%YAML:1.0\n---\ncamera_name: "{camera.name}"\nimage_width: {camera.width}\nimage_height: {camera.height}\n'
+        f"%YAML:1.0\n---\ncamera_name: {json.dumps(camera.name)}\n"
+        f"image_width: {camera.width}\nimage_height: {camera.height}\n"
         f"camera_matrix: {matrix(camera.K)}distortion_coefficients: {matrix(np.array([camera.distortion]))}"
     )
 
