@@ -77,7 +77,7 @@ def sense(camera: Camera, clips: Sequence[Clip], period: float, rows: int = ROWS
         ValueError: an effect returned no image.
     """
     n = min(rows, len(clips))
-    out = [Sensed(*map(np.empty_like, (c.rgb, c.depth)), np.empty(len(c), int), _empty(c.parts)) for c in clips]
+    out = [Sensed(np.empty_like(c.rgb), np.empty_like(c.depth), np.empty(len(c), int), _empty(c.parts)) for c in clips]
     labelled = all(c.parts is not None for c in clips)
     clip_of, step, following = list(range(n)), [0] * n, n  # clip and step of each row; the next clip
     pipeline = Pipeline([clips[i].world for i in clip_of], camera.name)

@@ -12,10 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.errors import UserError
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
 from vispeg.recordings.frames.frames import Frames, RecordedFrame
 from vispeg.render.backends.backend import BackendName
+from vispeg.render.block_matching import NAME, settings
 from vispeg.render.calibration.board import Board
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.pipeline import Pipeline
@@ -60,7 +62,14 @@ def photograph(
         finer: rays a pixel in each direction, an odd number.
         board: that lies on the table, somewhere beside the fixture.
         progress: called with the share that is done.
+
+    Raises:
+        UserError: the world has depth by block matching, which is made of the task's own pictures only.
     """
+    for camera in cameras:
+        if settings(world, camera.name) is not None:
+            what = "depth by block matching is not made along a motion"
+            raise UserError(what, key=camera.name, expected="a world without the effect", got=NAME)
     frames: list[RecordedFrame] = []
     beside = () if board is None else (showing(board, put_down(board, scene, seed)),)
     with Predictor(scene, cameras, backend, shadows, finer, *beside) as predictor:
