@@ -32,7 +32,7 @@ def joints(sizes, inertia, wn, zeta, friction, stall=np.inf, no_load=np.inf):
 
 
 def logged(seed, limited=None, sizes=(0.1, 0.03)):
-    """Traces and steps of a drawn joint, and its limit (N m, rad/s)."""
+    """Steps of a drawn joint, and its limit (N m, rad/s)."""
     r = np.random.default_rng(seed)
     of = {
         "inertia": r.uniform(0.2, 3),
@@ -55,8 +55,7 @@ def logged(seed, limited=None, sizes=(0.1, 0.03)):
         for n, (u, q, tau) in enumerate(zip(*joints(np.array(sizes), **of), strict=True))
     ]
     return (
-        traces,
-        [Step(t.name, t.time[a], t.q_cmd[b - 1] - t.q_cmd[a - 1], None, 0.0) for t in traces for a, b in steps(t)],
+        [Step(t, t.time[a], t.q_cmd[b - 1] - t.q_cmd[a - 1], None, 0.0) for t in traces for a, b in steps(t)],
         of,
     )
 
@@ -67,8 +66,8 @@ FEW, MANY = 3, pytest.param(30, marks=pytest.mark.slow)
 @pytest.mark.parametrize("count", [FEW, MANY])
 def test_a_loop_that_is_at_no_limit_shows_none(count):
     for seed in range(1, 1 + count):
-        traces, responses, _ = logged(seed)
-        assert saturation.limit(traces, responses) is None, seed
+        responses, _ = logged(seed)
+        assert saturation.limit(responses) is None, seed
 
 
 @pytest.mark.parametrize("count", [FEW, MANY])
@@ -76,8 +75,8 @@ def test_a_loop_that_is_at_no_limit_shows_none(count):
 def test_a_limit_is_found_with_its_interval_and_falls_where_it_does(limited, count):
     found = fell = held = of = 0
     for seed in range(100, 100 + count):
-        traces, responses, truth = logged(seed, limited)
-        got = saturation.limit(traces, responses)
+        responses, truth = logged(seed, limited)
+        got = saturation.limit(responses)
         if got is None:
             continue
         found += 1
@@ -99,7 +98,7 @@ def test_a_limit_is_found_with_its_interval_and_falls_where_it_does(limited, cou
 
 
 def test_what_a_law_asks_for_shows_no_limit():
-    traces, responses, _ = logged(101, "flat")
-    assert saturation.limit(traces, responses) is not None
-    asked = [replace(t, asked=True) for t in traces]
-    assert saturation.limit(asked, responses) is None
+    responses, _ = logged(101, "flat")
+    assert saturation.limit(responses) is not None
+    asked = [replace(s, trace=replace(s.trace, asked=True)) for s in responses]
+    assert saturation.limit(asked) is None

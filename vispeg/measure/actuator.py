@@ -16,7 +16,6 @@ import numpy as np
 from vispeg.measure import steps as steps_of
 from vispeg.measure.arm import LEAST, Loop
 from vispeg.measure.steps import Servo, Step
-from vispeg.measure.trace import Trace
 
 TIMESTEP = 1e-3  # s, smallest timestep for which the actuator's command history is long enough
 WINDOW = 1.5  # s of a step that are compared with the simulation
@@ -99,23 +98,21 @@ def simulated(servo: Servo, command: np.ndarray, period: float, band: float = 0.
     return out + servo.gain * shift
 
 
-def step_error(servo: Servo, band: float, traces: Sequence[Trace], steps: Sequence[Step]) -> list[float]:
+def step_error(servo: Servo, band: float, steps: Sequence[Step]) -> list[float]:
     """Return the RMS error of each step simulated with `servo` and dry friction, as a share of the step's size.
 
     Args:
         servo: of the joint.
         band: rad, dry friction divided by stiffness.
-        traces: the recordings with the steps.
         steps: to compare.
     """
-    by_name = {t.name: t for t in traces}
-    wound = steps_of.wound(servo, band, traces, steps)
+    wound = steps_of.wound(servo, band, steps)
     out = []
     for step, pull in zip(steps, wound, strict=True):
-        trace = by_name[step.trace]
+        trace = step.trace
         first = int(np.searchsorted(trace.time, step.start))
         last = int(np.searchsorted(trace.time, step.start + WINDOW))
-        later = [s.start for s in steps if s.trace == step.trace and s.start > step.start]
+        later = [s.start for s in steps if s.trace is trace and s.start > step.start]
         last = min(last, int(np.searchsorted(trace.time, min(later)))) if later else last
         before = steps_of.before(trace, first)
         command = trace.q_cmd[first - 1 : last] - trace.q_cmd[first - 1]

@@ -89,7 +89,7 @@ def measure(
     servo = loop = None
     turns = arm is not None or inertia is not None
     if len(responses) >= 2:
-        through = shared(traces, responses)
+        through = shared(responses)
         servo, of_loop, seen = through.servo, [], through.groups
         if turns:
             loop, seen = _loop_of_steps(through, responses, traces, arm, inertia, friction, of_loop, rng)
@@ -101,7 +101,7 @@ def measure(
         if fit is not None:
             servo = fit[0]
             loop = _loop_of_frequencies(fit, points, traces, arm, inertia, friction, results, rng) if turns else None
-    _held_out(responses, traces, notes, details)
+    _held_out(responses, notes, details)
     _bode(points, results, notes, details, rng)
     results += friction
     if not results:
@@ -176,7 +176,7 @@ def _limited(
         notes.append("no torque limit shows: the log has no signed torque of the motor")
         return responses
     details["greatest_torque"] = table
-    found = saturation.limit(given, responses)
+    found = saturation.limit(responses)
     if found is None:
         most = max(row["greatest_torque_nm"] for row in table)
         notes.append(f"no torque limit shows: the motor gave {most:.3g} N m at most, always as its loop asked")
@@ -285,7 +285,7 @@ def _loop_of_steps(
         def moving(x: np.ndarray, band: float) -> tuple[Moved, float]:
             return _moved(dragged, Loop.of(x), band), dragged.modes(Loop.of(x))[2]
 
-        look = _look(responses, traces, dragged)
+        look = _look(responses, dragged)
         start, _ = inferred(through.servo, dragged, look)
         x, values, rest = through.nearest(moving, start.numbers)  # now with dry friction, fitted to all steps
         loop, each, bands = Loop.of(x[:4]), values[:4], values[4]
@@ -405,13 +405,12 @@ def _of_loop(
     add("servo_delay", "s", lambda *x: sum(x), late, rectangular("time of a sample", _half(traces)))
 
 
-def _look(responses: Sequence[Step], traces: Sequence[Trace], arm: Arm) -> Callable[[Loop], Servo]:
+def _look(responses: Sequence[Step], arm: Arm) -> Callable[[Loop], Servo]:
     """Return a function from a loop to the servo that `steps.fit` finds for the linear arm with that loop.
 
     The arm is simulated over the time and sampling of the longest of these steps.
     """
-    by_name = {t.name: t for t in traces}
-    spans = [(by_name[s.trace], *steps.rows(by_name[s.trace], s)) for s in responses]
+    spans = [(s.trace, *steps.rows(s)) for s in responses]
     longest, a, b = max(spans, key=lambda span: span[2] - span[1])
     period = longest.period
     t = np.arange(-round((steps.BEFORE + steps.LATE) / period), b - a) * period
@@ -460,7 +459,7 @@ def _over_sizes(
     return propagate(name, unit, lambda *x: sum(x), inputs, rng, repeats=repeats)
 
 
-def _held_out(responses: Sequence[Step], traces: Sequence[Trace], notes: list[str], details: dict[str, object]) -> None:
+def _held_out(responses: Sequence[Step], notes: list[str], details: dict[str, object]) -> None:
     """Add the error of simulated steps of the middle size, with a servo fitted to the other sizes, to `details`."""
     sizes = steps.sizes(responses)
     if len(sizes) < 3:
@@ -468,8 +467,8 @@ def _held_out(responses: Sequence[Step], traces: Sequence[Trace], notes: list[st
     middle = sizes[len(sizes) // 2]
     rest = [s for s in responses if abs(abs(s.size) - middle) > 0.05 * middle]
     held = [s for s in responses if abs(abs(s.size) - middle) <= 0.05 * middle]
-    through = shared(traces, rest)
-    errors = step_error(through.servo, through.band, traces, held)
+    through = shared(rest)
+    errors = step_error(through.servo, through.band, held)
     details["held_out"] = {
         "size_rad": middle,
         "steps": len(held),

@@ -79,18 +79,15 @@ class _Rows:
         return self.rest + self.factors @ law
 
 
-def limit(traces: Sequence[Trace], responses: Sequence[Step]) -> Limit | None:
-    """Find the torque limit that the motor reaches in some of these steps; None if none shows.
+def limit(responses: Sequence[Step]) -> Limit | None:
+    """Find the torque limit that the motor reaches in some of these fitted steps; None if none shows.
 
-    Args:
-        traces: motions; those with a measured torque that has a sign are used.
-        responses: fitted steps of these; with fewer than two in the motions used, no limit shows.
+    Steps with a measured torque that has a sign are used; with fewer than two of them, no limit shows.
     """
-    by_name = {t.name: t for t in traces if t.tau is not None and t.signed() and not t.asked}
-    steps = [s for s in responses if s.trace in by_name]
+    steps = [s for s in responses if s.trace.signed() and not s.trace.asked]
     if len(steps) < 2:
         return None
-    r = _rows(by_name, steps)
+    r = _rows(steps)
     best = None
     for top in np.quantile(np.abs(r.tau), (1.0, 0.99, 0.97, 0.9)):
         for slope in (0.0, 0.3 / max(float(np.abs(r.speed).max()), 1e-9)):
@@ -130,27 +127,28 @@ def limit(traces: Sequence[Trace], responses: Sequence[Step]) -> Limit | None:
     return Limit(flat, np.zeros(0), noise, np.zeros(2), reached)
 
 
-def _rows(by_name: dict[str, Trace], steps: Sequence[Step]) -> _Rows:
+def _rows(steps: Sequence[Step]) -> _Rows:
     """Return the rows in the steps, from BEFORE s before each to AFTER s after it, or to its end.
 
     Commands are delayed by the time, from 0 to below LATE s, with which a law fits the torques best.
     """
-    spans = [(by_name[s.trace], rows(by_name[s.trace], s)[0]) for s in steps]
-    rates = {name: np.gradient(t.q, t.time) for name, t in by_name.items()}
-    period = max(t.period for t, _ in spans)
+    spans = [rows(s) for s in steps]
+    rates = {t: np.gradient(t.q, t.time) for t in {s.trace for s in steps}}
+    period = max(t.period for t in rates)
 
     def with_delay(late: float) -> _Rows:
         columns = []
-        for n, (trace, first) in enumerate(spans):
+        for n, (step, (first, end)) in enumerate(zip(steps, spans, strict=True)):
+            trace = step.trace
             assert trace.tau is not None
             ago = trace.time[first] - trace.time
             some = np.flatnonzero((ago <= BEFORE + 1e-9) & (ago > -AFTER))
-            some = some[trace.time[some] < trace.time[min(rows(trace, steps[n])[1], len(trace.time) - 1)]]
+            some = some[trace.time[some] < trace.time[min(end, len(trace.time) - 1)]]
             still = trace.tau[(ago <= BEFORE + 1e-9) & (ago > LATE - 0.5 * trace.period)].mean()
             t, q = trace.time[some], before(trace, first)
             row = np.maximum(np.searchsorted(trace.time, t - late + 1e-9, side="right") - 1, 0)  # a command is held
-            speed = rates[trace.name][some]
-            earlier = np.interp(t - trace.period, trace.time, rates[trace.name])
+            speed = rates[trace][some]
+            earlier = np.interp(t - trace.period, trace.time, rates[trace])
             factors = [trace.q_cmd[row] - trace.q_cmd[first - 1], trace.q[some] - q, speed]
             columns.append(
                 (np.full(len(t), still), np.column_stack(factors), trace.tau[some], speed, earlier, 0 * some + n)

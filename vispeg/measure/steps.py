@@ -49,14 +49,14 @@ class Step:
     """One step and its fit.
 
     Attributes:
-        trace: name of its recording.
+        trace: the motion that contains it.
         start: s, time of the command's change.
         size: rad, signed.
         servo: fitted to it.
         rest: RMS residual as a share of the size.
     """
 
-    trace: str
+    trace: Trace
     start: float
     size: float
     servo: Servo
@@ -84,25 +84,23 @@ def before(trace: Trace, first: int) -> float:
     return float(trace.q[(ago <= BEFORE + 1e-9) & (ago > LATE - 0.5 * trace.period)].mean())
 
 
-def rows(trace: Trace, step: Step) -> tuple[int, int]:
-    """Return the rows (first, end) of a fitted step; `end` is exclusive."""
-    return next((a, b) for a, b in steps(trace) if trace.time[a] == step.start)
+def rows(step: Step) -> tuple[int, int]:
+    """Return the rows (first, end) of a fitted step in its trace; `end` is exclusive."""
+    return next((a, b) for a, b in steps(step.trace) if step.trace.time[a] == step.start)
 
 
-def wound(servo: Servo, band: float, traces: Sequence[Trace], responses: Sequence[Step]) -> np.ndarray:
+def wound(servo: Servo, band: float, responses: Sequence[Step]) -> np.ndarray:
     """Return how far friction held the joint from its goal before each step, (n,) rad, cut to +-band.
 
     The sag under load, which is the median over the rests of a recording, is subtracted.
     """
-    by_name = {t.name: t for t in traces}
     pull = np.empty(len(responses))
     for k, step in enumerate(responses):
-        trace = by_name[step.trace]
-        first = rows(trace, step)[0]
-        pull[k] = servo.gain * trace.q_cmd[first - 1] - before(trace, first)
-    names = np.array([s.trace for s in responses])
-    for name in set(names.tolist()):
-        pull[names == name] -= np.median(pull[names == name])
+        first = rows(step)[0]
+        pull[k] = servo.gain * step.trace.q_cmd[first - 1] - before(step.trace, first)
+    for trace in {s.trace for s in responses}:
+        own = np.array([s.trace is trace for s in responses])
+        pull[own] -= np.median(pull[own])
     return np.clip(pull, -band, band)
 
 
@@ -130,7 +128,7 @@ def fit(trace: Trace, first: int, last: int) -> Step:
     gain, wn, zeta = float(best.x[0]), float(np.exp(best.x[1])), float(np.exp(best.x[2]))
     rest = float(np.sqrt(np.mean(best.fun**2)))
     delay = float(best.x[3])
-    return Step(trace.name, float(trace.time[first]), size, Servo(gain, wn, zeta, delay), rest)
+    return Step(trace, float(trace.time[first]), size, Servo(gain, wn, zeta, delay), rest)
 
 
 def _onset(t: np.ndarray, y: np.ndarray, end: float) -> float:
@@ -190,16 +188,16 @@ def refuse_drift(responses: Sequence[Step], file: str) -> None:
     The difference must be more than 2 % and significant at three sigma.
     """
     for size, group in groups(responses).items():
-        names = list(dict.fromkeys(s.trace for s in group))
-        if len(names) < 2:
+        traces = list(dict.fromkeys(s.trace for s in group))
+        if len(traces) < 2:
             continue
         for name in ("gain", "natural_frequency"):
-            first, last = ([getattr(s.servo, name) for s in group if s.trace == n] for n in (names[0], names[-1]))
+            first, last = ([getattr(s.servo, name) for s in group if s.trace is t] for t in (traces[0], traces[-1]))
             if min(len(first), len(last)) < 3 or np.ptp(first) + np.ptp(last) == 0:
                 continue
             apart = abs(np.mean(first) - np.mean(last)) > 0.02 * abs(np.mean(first))
             if apart and stats.ttest_ind(first, last, equal_var=False).pvalue < 0.0027:
                 got = f"{np.mean(first):.4g} and {np.mean(last):.4g}"
                 expected = "the same within three standard uncertainties"
-                what = f"{name} of steps of {size:.3g} rad has drifted between {names[0]} and {names[-1]}"
+                what = f"{name} of steps of {size:.3g} rad has drifted between {traces[0].name} and {traces[-1].name}"
                 raise UserError(what, file=file, expected=expected, got=got)

@@ -19,7 +19,6 @@ from scipy import optimize
 
 from vispeg.measure import steps
 from vispeg.measure.steps import Servo, Step
-from vispeg.measure.trace import Trace
 
 FINE = 0.1  # rad of the servo's phase per integration step; a reversal is then located to a hundredth of a step
 FINER = 2  # steps of the simulated arm in each integration step
@@ -118,13 +117,13 @@ class _Problem:
     sags: int  # number of recordings, each of which has a sag of its own
 
 
-def shared(traces: Sequence[Trace], responses: Sequence[Step]) -> Shared:
+def shared(responses: Sequence[Step]) -> Shared:
     """Fit one servo with friction to all steps, starting from the mean of their single fits."""
     start = steps.mean_servo(responses)
-    p = _problem(traces, responses, start)
+    p = _problem(responses, start)
     first = [start.gain, np.log(start.natural_frequency), np.log(start.damping_ratio), start.delay]
     sags = [float(np.median((p.rest - start.gain * p.command)[p.trace == k])) for k in range(p.sags)]
-    wound = float(np.max(np.abs(steps.wound(start, np.inf, traces, responses))))
+    wound = float(np.max(np.abs(steps.wound(start, np.inf, responses))))
     return _solve(p, responses, [np.array([*first, band, *sags]) for band in (0.0, wound)])
 
 
@@ -155,12 +154,11 @@ def _solve(p: _Problem, responses: Sequence[Step], starts: Sequence[np.ndarray])
     return Shared(servo, sticks * float(best.x[4]), groups, left, p, best.x, responses)
 
 
-def _problem(traces: Sequence[Trace], responses: Sequence[Step], start: Servo) -> _Problem:
-    by_name = {t.name: t for t in traces}
-    names = list(dict.fromkeys(s.trace for s in responses))
-    spans = [steps.rows(by_name[s.trace], s) for s in responses]
-    longest = max(by_name[s.trace].time[b - 1] - s.start for s, (_, b) in zip(responses, spans, strict=True))
-    period = min(by_name[n].period for n in names)
+def _problem(responses: Sequence[Step], start: Servo) -> _Problem:
+    traces = list(dict.fromkeys(s.trace for s in responses))
+    spans = [steps.rows(s) for s in responses]
+    longest = max(s.trace.time[b - 1] - s.start for s, (_, b) in zip(responses, spans, strict=True))
+    period = min(t.period for t in traces)
     fine = FINE / start.natural_frequency
     dt = period / np.ceil(period / fine) if period > fine else period * max(1.0, np.floor(0.5 * fine / period))
     grid = np.arange(int(np.ceil(longest / dt)) + 2) * dt
@@ -168,7 +166,7 @@ def _problem(traces: Sequence[Trace], responses: Sequence[Step], start: Servo) -
     goals, t, y, weight = np.zeros((shape[0], len(grid) - 1)), np.zeros(shape), np.zeros(shape), np.zeros(shape)
     rest, command = np.zeros(shape[0]), np.zeros(shape[0])
     for k, (step, (a, b)) in enumerate(zip(responses, spans, strict=True)):
-        trace = by_name[step.trace]
+        trace = step.trace
         time = trace.time[a:b] - step.start
         rest[k], command[k] = steps.before(trace, a), trace.q_cmd[a - 1]
         change = (trace.q_cmd[a:b] - command[k]) / step.size
@@ -180,8 +178,8 @@ def _problem(traces: Sequence[Trace], responses: Sequence[Step], start: Servo) -
         t[k, : len(some)], weight[k, : len(some)] = time[some], 1.0 / np.sqrt(len(some))
         y[k, : len(some)] = (trace.q[a:b][some] - rest[k]) / step.size
     size = np.array([s.size for s in responses])
-    trace_of = np.array([names.index(s.trace) for s in responses])
-    return _Problem(goals, float(dt), t, y, weight, size, command, rest, trace_of, len(names))
+    trace_of = np.array([traces.index(s.trace) for s in responses])
+    return _Problem(goals, float(dt), t, y, weight, size, command, rest, trace_of, len(traces))
 
 
 def _residual(x: np.ndarray, p: _Problem) -> np.ndarray:

@@ -34,12 +34,12 @@ LEAD = 0.5  # s, greatest time by which an angle may be found to lead its comman
 LIKELIER = 4.0  # ratio of squared residuals (half the error) at which the angle is said to lead
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trace:
     """One joint's motion in one recording or episode.
 
     Attributes:
-        name: of the file.
+        name: of the file, and of the episode if there are several; used in messages only.
         time: (n,) s.
         q_cmd, q: (n,) commanded and measured angle, rad.
         tau: (n,) motor torque, N m; or None.
@@ -94,12 +94,13 @@ def from_recording(path: Path, joint: str | None) -> tuple[list[Trace], str, str
     torque, why = motor_torque(rec, j)
     has_servo = rec.control.mode in ("servo", "unknown")
     asked = rec.torque_sensor != "motor"
-    out = []
-    for number in np.unique(episode):
+    out, numbers = [], np.unique(episode)
+    for number in numbers:
         rows = (episode == number) & np.isfinite(rec.q[:, j]) & np.isfinite(rec.q_cmd[:, j])
         tau = None if torque is None or not np.isfinite(torque[rows]).all() else torque[rows]
         arrays = rec.time[rows], rec.q_cmd[rows, j], rec.q[rows, j], tau
-        out.append(_checked(Trace(path.name, *arrays, why, has_servo, asked), path))
+        name = str(path) if len(numbers) == 1 else f"{path}, episode {number}"
+        out.append(_checked(Trace(name, *arrays, why, has_servo, asked), path))
     return out, joint, rec.robot
 
 
@@ -154,7 +155,7 @@ def from_table(path: Path, columns: Mapping[str, str]) -> Trace:
     for name in ("q", "q_cmd"):
         check_angles(table, values[name][:, None], [columns[name]])
     arrays = (values["time"], values["q_cmd"], values["q"], values.get("tau"))
-    return _checked(Trace(path.name, *arrays, servo=True), path)
+    return _checked(Trace(str(path), *arrays, servo=True), path)
 
 
 def _checked(trace: Trace, path: Path) -> Trace:

@@ -52,12 +52,11 @@ def picture(joint: str, measured: Joint) -> bytes:
 def _steps(axis: Any, measured: Joint) -> bool:
     if not measured.steps:
         return False
-    by_name = {t.name: t for t in measured.traces}
     colours = (MEASURED, BEFORE, RIVALS[0], RIVALS[1], MUTED)
     amplitudes = sizes(measured.steps)
     labelled = set()
     for step in measured.steps:
-        trace = by_name[step.trace]
+        trace = step.trace
         rows = (trace.time >= step.start - 0.05) & (trace.time < step.start + SHOWN)
         before = trace.q[(trace.time >= step.start - 0.1) & (trace.time < step.start)].mean()
         k = int(np.argmin([abs(abs(step.size) - s) for s in amplitudes]))

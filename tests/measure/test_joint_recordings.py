@@ -1,0 +1,62 @@
+"""A joint that is known, in recordings: the numbers depend on neither their names, nor episodes, nor joints' order."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vispeg.api.measure.joint import measure_joint
+from vispeg.measure.steps import step_answer
+from vispeg.recordings.recording import Control, Recording
+from vispeg.recordings.write import write
+from vispeg.robots.model import load
+
+RATE = 200.0
+JOINTS = load("iiwa14").joints
+
+
+def steps(size, wn, hold, joint="joint1"):
+    """A recording of two steps up and down by `size` rad, which this joint answers like a servo of wn rad/s."""
+    time = np.arange(round(5 * hold * RATE)) / RATE
+    goals = size * np.array([0.0, 1.0, 0.0, -1.0, 0.0])
+    moves = [(k * hold, b - a) for k, (a, b) in enumerate(zip(goals, goals[1:], strict=False), 1)]
+    noise = 1e-6 * np.random.default_rng(round(wn)).standard_normal(len(time))
+    q_cmd = np.tile(np.linspace(0.2, 0.9, 7), (len(time), 1))
+    q = q_cmd + noise[:, None]
+    j = JOINTS.index(joint)
+    q_cmd[:, j] += np.repeat(goals, round(hold * RATE))
+    q[:, j] += sum(by * step_answer(time - at, wn, 0.7) for at, by in moves)
+    return Recording(Path("r"), "iiwa14", JOINTS, RATE, Control("servo", RATE), time, q, q_cmd=q_cmd)
+
+
+def joined(parts):
+    """These recordings as the episodes of one."""
+    arrays = {name: np.concatenate([getattr(p, name) for p in parts]) for name in ("time", "q", "q_cmd")}
+    return replace(parts[0], episode=np.repeat(np.arange(len(parts)), [len(p.time) for p in parts]), **arrays)
+
+
+def found(paths, out):
+    measured = measure_joint(paths, out, joint="joint1", inertia=1.0).measurement
+    return {q.quantity: (q.value, q.low, q.high) for q in measured.results}
+
+
+@pytest.fixture(scope="module")
+def apart(tmp_path_factory):
+    """Two motions with steps at different times, what they show in folders of different names, and the folder."""
+    folder = tmp_path_factory.mktemp("apart")
+    parts = [steps(0.1, 20.0, 0.7), steps(0.04, 40.0, 1.0)]
+    paths = [write(part, folder / name) for part, name in zip(parts, ("r", "s"), strict=True)]
+    return parts, found(paths, folder / "out"), folder
+
+
+def test_recordings_of_one_name_in_two_folders_are_two(apart, tmp_path):
+    parts, numbers, _ = apart
+    paths = [write(part, tmp_path / day / "run") for part, day in zip(parts, ("day1", "day2"), strict=True)]
+    assert found(paths, tmp_path / "out") == numbers
+    assert 20.0 < numbers["natural_frequency"][0] < 40.0
+
+
+def test_episodes_of_one_recording_are_motions_of_their_own(apart, tmp_path):
+    parts, numbers, _ = apart
+    assert found([write(joined(parts), tmp_path / "both")], tmp_path / "out") == numbers
