@@ -1,5 +1,6 @@
 """The environments: checkers, equality of one and many, seeds, episodes that begin anew row by row."""
 
+import json
 import pickle
 
 import gymnasium as gym
@@ -8,10 +9,12 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import vispeg
+from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.task.environments.replay import replay
 from vispeg.task.environments.vector import episode_seed
 from vispeg.task.peg.task import PegInHoleVec
+from vispeg.task.start import Start
 from vispeg.worlds.distribution import Uniform
 from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 from vispeg.worlds.world import World
@@ -210,6 +213,46 @@ def test_what_a_diverged_episode_leaves_plays_it_again_bit_by_bit(world, tmp_pat
     (tmp_path / "22" / "episode.json").write_text("{}")
     with pytest.raises(UserError, match="episode.json: format: unknown format"):
         replay(tmp_path / "22")
+
+
+def test_a_diverged_episode_that_began_in_a_stated_state_is_played_again_bit_by_bit(tmp_path):
+    env = PegInHoleVec(2, world=VARIED, autoreset_mode="Disabled", dump=tmp_path)
+    posture = env.sim.home[0] + [0.02, -0.01, 0.0, 0.03, 0.0, 0.01, 0.2]
+    goal, told = (np.array(env.sim.scene.target) + d for d in ([0.004, 0.0, 0.0], [0.0, -0.002, 0.0]))
+    bias = EffectInstance.of("joint_bias", "joint4", torque=1.0)
+    start = Start(q=posture, goal=goal, believed=told, effects=(bias,))
+    env.reset(seed=[21, 22], options={"start": [None, start]})
+    env.disturb(1, np.random.default_rng(0).normal(0, 2.0, (7, 7)))
+    given = actions(2, 4)
+    for action in given[:3]:
+        env.step(action)
+    before = env.sim.cell.qpos[1].copy(), env.sim.observation()["policy"][1]
+    env.sim.cell.qvel[1, 3] = np.nan
+    env.step(given[3])
+    again, _ = replay(tmp_path / "22")
+    assert np.array_equal(again.sim.cell.qpos[0], before[0])
+    assert np.array_equal(again.sim.observation()["policy"][0], before[1])
+
+
+def test_a_diverged_episode_is_saved_once_though_its_row_waits_a_step_for_the_next(tmp_path):
+    env = PegInHoleVec(2, world="nominal", dump=tmp_path)
+    env.reset(seed=[21, 22])
+    env.sim.cell.qvel[1, 3] = np.nan
+    for action in actions(2, 3):
+        env.step(action)
+    saved = json.loads((tmp_path / "22" / "episode.json").read_text())
+    assert len(saved["actions"]) == 1 and [p.name for p in tmp_path.iterdir()] == ["22"]
+
+
+def test_seeds_are_one_for_each_row_in_any_sequence():
+    env = PegInHoleVec(2, world=VARIED, autoreset_mode="Disabled")
+    for seed in ([5, 6], (5, 6), np.array([5, 6]), np.array([5, 6], np.int32), 5, np.int64(5)):
+        assert env.reset(seed=seed)[1]["seed"].tolist() == [5, 6]
+        env.reset(seed=[50, 60])
+    assert env.reset(seed=[5, None])[1]["seed"].tolist() == [5, episode_seed(60, 1)]
+    for wrong in ([5], [5, 6, 7], "56", 1.5, np.array([0.5, 1.5])):
+        with pytest.raises(UserError, match="seed: not seeds; expected an integer, or 2 of them"):
+            env.reset(seed=wrong)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,9 @@ import pytest
 import vispeg
 from vispeg.core.errors import UserError
 from vispeg.task.environments.env import TaskEnv
-from vispeg.task.peg.task import PegInHoleVec
+from vispeg.task.eyes import task_cameras
+from vispeg.task.peg.config import PegConfig
+from vispeg.task.peg.task import PegInHoleVec, PegTask
 from vispeg.worlds.distribution import Uniform
 from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 
@@ -108,6 +110,14 @@ def test_wrong_cameras_and_modes_are_refused():
         PegInHoleVec(1, world="nominal", obs_mode="thermal")
     with pytest.raises(UserError, match="image_size"):
         PegInHoleVec(1, world="nominal", obs_mode="depth", image_size=3)
+
+
+def test_cameras_of_a_world_are_the_same_in_any_order():
+    config = PegConfig(cameras=("external", "side"))
+    scene = PegTask().cell(config)
+    stated = {"external": {"fx": 300.0}, "side": {"fy": 250.0}}
+    forth, back = (task_cameras(scene, config, dict(some)) for some in (stated.items(), [*stated.items()][::-1]))
+    assert [c.K.tolist() for c in forth] == [c.K.tolist() for c in back]
 
 
 def test_cameras_are_told_calibrated_and_as_drawn():

@@ -46,12 +46,13 @@ def task_cameras(scene: Scene, task: TaskConfig, stated: Mapping[str, Any]) -> t
         UserError: no camera of that name, or a key that no camera has.
     """
     by_name = {c.name: c for c in standard_cameras(scene.tip, scene.target)}
+    usual = dict(by_name)
     for name, change in stated.items():
         if isinstance(change, str):
             by_name[name] = load_camera(change).moved(name=name)
         else:
             try:
-                by_name[name] = by_name.get(name, by_name["external"]).moved(name=name, **change)
+                by_name[name] = usual.get(name, usual["external"]).moved(name=name, **change)
             except TypeError as error:
                 raise UserError(f"unknown key of a camera ({error})", key=f"cameras.{name}", got=list(change)) from None
     for name in task.cameras:

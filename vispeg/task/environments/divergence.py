@@ -26,7 +26,8 @@ def leave(folder: Path, sim: TaskSimulation, row: int, world: World, file: World
     """Save a row's present episode in the folder FOLDER/SEED, and return that folder.
 
     `world.yaml` is a world file with the drawn values as fixed effects, and the task's settings. `episode.json` holds
-    the seed, the observation mode, the push if there was one, and all actions so far; the last one ended the episode.
+    the seed, the observation mode, the stated start, push and disturbance if there were any, and all actions so far;
+    the last one ended the episode.
 
     Args:
         folder: the parent folder of all saved episodes.
@@ -35,7 +36,7 @@ def leave(folder: Path, sim: TaskSimulation, row: int, world: World, file: World
         world: the values that the episode drew, of physics and looks.
         file: the world's file, for its cameras and renderer; or None.
     """
-    push, seed = sim.push[row], int(sim.seeds[row])
+    push, start, tape, seed = sim.push[row], sim.starts[row], sim.disturbed[row], int(sim.seeds[row])
     task: dict[str, Any] = json.loads(json.dumps(asdict(sim.config)))
     cameras, renderer = (dict(file.cameras), dict(file.renderer)) if file is not None else ({}, {})
     digest = world_hash(world, task, cameras, renderer)
@@ -45,6 +46,8 @@ def leave(folder: Path, sim: TaskSimulation, row: int, world: World, file: World
         "obs_mode": sim.obs_mode,
         "engine": sim.engine,
         "push": None if push is None else {**asdict(push), "force": np.asarray(push.force).tolist()},
+        "start": None if start is None else {"q": _numbers(start.q), "believed": _numbers(start.believed)},
+        "disturbed": _numbers(tape),
         "actions": [action.tolist() for action in sim.acted[row]],
     }
     with new_folder(folder / str(seed), overwrite=True, holds=None) as place:
@@ -53,3 +56,7 @@ def leave(folder: Path, sim: TaskSimulation, row: int, world: World, file: World
         (place / WORLD).write_text(text, encoding="utf-8")
         (place / EPISODE).write_text(json.dumps(record) + "\n", encoding="utf-8")
     return folder / str(seed)
+
+
+def _numbers(values: np.ndarray | None) -> list[Any] | None:
+    return None if values is None else np.asarray(values, float).tolist()

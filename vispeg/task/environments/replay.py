@@ -15,6 +15,7 @@ from vispeg.formats.typed import typed
 from vispeg.task.environments.divergence import EPISODE, FORMAT, LEFT, WORLD
 from vispeg.task.environments.simulation import Push
 from vispeg.task.environments.vector import TaskVec
+from vispeg.task.start import Start
 from vispeg.task.world_file import load_world, world_text
 
 
@@ -24,19 +25,26 @@ class _Pushed(BaseModel):
     duration: float
 
 
+class _Stated(BaseModel):
+    q: list[float] | None = None
+    believed: Annotated[list[float], Field(min_length=3, max_length=3)] | None = None
+
+
 class _Told(BaseModel):
     seed: Annotated[int, Field(ge=0)]
     obs_mode: str
     engine: str = "c"
     push: _Pushed | None = None
+    start: _Stated | None = None
+    disturbed: Annotated[list[list[float]], Field(min_length=1)] | None = None
     actions: Annotated[list[list[float]], Field(min_length=1)]
 
-    @field_validator("actions")
+    @field_validator("actions", "disturbed")
     @classmethod
-    def _even(cls, actions: list[list[float]]) -> list[list[float]]:
-        if len({len(action) for action in actions}) > 1:
-            raise ValueError("actions of different lengths")
-        return actions
+    def _even(cls, rows: list[list[float]] | None) -> list[list[float]] | None:
+        if len({len(row) for row in rows or ()}) > 1:
+            raise ValueError("rows of different lengths")
+        return rows
 
 
 def _example(folder: Path) -> Path:
@@ -60,13 +68,24 @@ def replay(folder: str | Path) -> tuple[TaskVec, np.ndarray]:
     path = Path(folder) / EPISODE
     record = typed(_Told, LEFT.read(path), path)
     env = TaskVec(1, Path(folder) / WORLD, record.obs_mode, autoreset_mode="Disabled", engine=record.engine)
+    for key, rows, size in (
+        ("actions", record.actions, len(env.config.dof)),
+        ("disturbed", record.disturbed, len(env.sim.scene.joints)),
+    ):
+        if rows and len(rows[0]) != size:
+            expected = f"{size} numbers each, as the world's task and robot say"
+            raise UserError(f"{key} of another task", file=path, key=key, expected=expected, got=len(rows[0]))
     actions = np.asarray(record.actions, float)[:, None]
-    if actions.shape[2] != len(env.config.dof):
-        expected = f"{len(env.config.dof)} numbers each, as the world's task says"
-        raise UserError("actions of another task", file=path, key="actions", expected=expected, got=actions.shape[2])
-    env.reset(seed=[record.seed])
+    start = None if record.start is None else Start(q=_array(record.start.q), believed=_array(record.start.believed))
+    env.reset(seed=[record.seed], options={"start": start})
+    if record.disturbed is not None:
+        env.disturb(0, np.asarray(record.disturbed))
     if record.push is not None:
         env.sim.push[0] = Push(np.asarray(record.push.force, float), record.push.start, record.push.duration)
     for action in actions[:-1]:
         env.step(action)
     return env, np.asarray(actions[-1])
+
+
+def _array(values: list[float] | None) -> np.ndarray | None:
+    return None if values is None else np.asarray(values, float)

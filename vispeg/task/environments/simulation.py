@@ -96,6 +96,7 @@ class TaskSimulation:
         self.diverged = np.zeros(n, dtype=bool)
         self.seen.see(self.home.copy(), np.zeros_like(self.home))
         self.push: list[Any] = [None] * n
+        self.starts: list[Start | None] = [None] * n  # stated for the present episodes
         # by row: (k, nj) N m, a torque per control period, repeated from the first after the last
         self.disturbed: list[np.ndarray | None] = [None] * n
         self.acted: list[list[np.ndarray]] = [[] for _ in range(n)]  # actions of the present episodes
@@ -136,7 +137,7 @@ class TaskSimulation:
             worlds.append(self._begun(drawn, starts[row]) if row in starts else drawn)
             self.drawn[row], self.seeds[row] = worlds[-1], seed
             self.tracks[row], self.push[row], self.acted[row] = self.task.track(), None, []
-            self.disturbed[row] = None
+            self.disturbed[row], self.starts[row] = None, starts.get(row)
         self.guards.reset(rows)
         pos[:, 2] += self.scene.tip
         q, weight = self._start(rows, pos)

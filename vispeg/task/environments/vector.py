@@ -196,7 +196,9 @@ class TaskVec(VectorEnv):
         self._started = False
 
     # Episodes -------------------------------------------------------------------------------------------------
-    def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
+    def reset(
+        self, *, seed: int | Sequence[int | None] | np.ndarray | None = None, options: dict[str, Any] | None = None
+    ):
         """Begin an episode in every row, or in those of `options["reset_mask"]` (num_envs,) bool.
 
         `options["start"]`, a `vispeg.task.start.Start` or one for each row (None for a row without), sets the joints,
@@ -211,16 +213,14 @@ class TaskVec(VectorEnv):
             `world`.
 
         Raises:
-            UserError: an impossible start.
+            UserError: an impossible start, or seeds that are not one for each row.
         """
         mask = np.ones(self.num_envs, dtype=bool)
         if options and "reset_mask" in options:
             mask = np.asarray(options["reset_mask"], dtype=bool)
-        if isinstance(seed, (int, np.integer)):
-            seed = [int(seed) + i for i in range(self.num_envs)]
+        seeds = _seeds(seed, self.num_envs)
         for i in np.flatnonzero(mask):
-            first_seed = seed[int(i)] if isinstance(seed, Sequence) else None
-            if first_seed is not None:
+            if (first_seed := seeds[i]) is not None:
                 self._base[i], self._episode[i] = first_seed, 0
             elif self._started:
                 self._episode[i] += 1
@@ -275,9 +275,11 @@ class TaskVec(VectorEnv):
         """
         out = self.sim.step(actions)
         for row, record in enumerate(out[3]):
-            if record is not None:
-                record["world"] |= self.eyes.drawn[row].values
-            if self.dump is not None and record is not None and record["category"] == "diverged":
+            if record is None:
+                continue
+            record["world"] |= self.eyes.drawn[row].values
+            waits = self._ended[row]  # for its reset: its episode is saved
+            if self.dump is not None and record["category"] == "diverged" and not waits:
                 record["replay"] = str(leave(Path(self.dump), self.sim, row, self.drawn(row), self.file))
         return out
 
@@ -383,6 +385,18 @@ class TaskVec(VectorEnv):
 
     def __setstate__(self, made):
         self.__init__(**made)
+
+
+def _seeds(stated: int | Sequence[int | None] | np.ndarray | None, rows: int) -> list[int | None]:
+    """Return a seed, or None, for each row. Raises UserError: not an integer, or not one for each row."""
+    if stated is None:
+        return [None] * rows
+    each = np.ravel(np.array(stated, object)).tolist()
+    if isinstance(stated, int | np.integer):
+        each = [stated + i for i in range(rows)]
+    if len(each) != rows or not all(one is None or isinstance(one, int | np.integer) for one in each):
+        raise UserError("not seeds", key="seed", expected=f"an integer, or {rows} of them", got=stated)
+    return [None if one is None else int(one) for one in each]
 
 
 def _starts(stated: Start | Sequence[Start | None] | None, rows: int) -> dict[int, Start]:
