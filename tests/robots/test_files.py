@@ -1,5 +1,6 @@
 """Arms from a user's URDF or MJCF, whole or with files missing."""
 
+import hashlib
 import os
 import re
 from pathlib import Path
@@ -7,10 +8,14 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from robots import arms
 
 from vispeg.core.errors import UserError
 from vispeg.robots import menagerie
+from vispeg.robots.declare import RobotConfig
 from vispeg.robots.model import available, load, load_for
+from vispeg.robots.scene import SceneConfig, build
+from vispeg.task.world_robot import identity
 
 SHARED = Path(os.environ.get("VISPEG_SHARED", Path(__file__).resolve().parents[3] / "shared"))
 LWR4 = SHARED / "data" / "kuka-lwr4" / "kuka_lwr4.urdf"
@@ -270,6 +275,38 @@ def test_an_edited_file_is_read_again(tmp_path):
     path.write_text(URDF.replace('mass value="2"', 'mass value="3"'))
     os.utime(path, ns=(1, 1))
     assert load(path).compile().body_mass.sum() == 6.0
+
+
+def test_an_edited_part_of_a_file_is_read_again_and_is_another_robot(tmp_path):
+    """Also a part of a part; the identity of a file alone is that of its bytes."""
+    path = write(tmp_path, '<mujoco><worldbody><include file="a.xml"/></worldbody></mujoco>', "whole.xml")
+    write(tmp_path, '<mujocoinclude><include file="b.xml"/></mujocoinclude>', "a.xml")
+    link = '<mujocoinclude><body><joint name="j"/>{}<site name="flange"/></body></mujocoinclude>'
+    write(tmp_path, link.format(INERTIAL), "b.xml")
+    first, before = load(path), identity(str(path))
+    assert load(path) is first
+    write(tmp_path, link.format(INERTIAL.replace('mass="4"', 'mass="5"')), "b.xml")
+    os.utime(tmp_path / "b.xml", ns=(1, 1))
+    assert load(path).compile().body_mass.sum() == 5.0 and identity(str(path)) != before
+    alone = write(tmp_path, MJCF, "alone.xml")
+    assert identity(str(alone)) == hashlib.sha256(alone.read_bytes()).hexdigest()
+
+
+def test_a_cell_with_an_edited_arm_or_gripper_is_built_again(tmp_path):
+    path = Path(arms.write(tmp_path, "panda", arms.PANDA))
+    grip = '<mujoco><worldbody><body><geom type="box" size=".02 .02 .05" pos="0 0 .05" mass="{}"/></body>'
+    grip += '<site name="grasp" pos="0 0 .08"/></worldbody></mujoco>'
+    tool = write(tmp_path, grip.format(0.5), "grip.xml")
+    config = SceneConfig(robot=RobotConfig(model=str(path), tool=str(tool)))
+    first = build(config)
+    assert build(config) is first
+    path.write_text(path.read_text().replace('mass="4.0"', 'mass="5.0"'))
+    os.utime(path, ns=(1, 1))
+    heavier = build(config)
+    assert np.isclose(heavier.compile().body_mass.sum() - first.compile().body_mass.sum(), 1.0)
+    write(tmp_path, grip.format(0.8), "grip.xml")
+    os.utime(tool, ns=(1, 1))
+    assert np.isclose(build(config).compile().body_mass.sum() - heavier.compile().body_mass.sum(), 0.3)
 
 
 def test_menagerie_by_folder_name(tmp_path, monkeypatch):

@@ -17,6 +17,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.formats.guard import is_file
+from vispeg.robots import resources
 from vispeg.robots.arm import compiled
 from vispeg.robots.mjcf import read_mjcf
 
@@ -89,17 +90,17 @@ def of(tool: str) -> tuple[Gripper, str] | None:
     if not is_file(match[1]):
         raise UserError("no such gripper", file=match[1], key="robot.tool")
     path = Path(match[1]).expanduser().resolve()
-    return _read(path, path.stat().st_mtime_ns), match[2] or ""
+    return _read(path, resources.stamp(path)), match[2] or ""
 
 
-def stamp(tool: object) -> int:
-    """Return when a tool's file was last modified, ns; 0 if the tool is not a file."""
+def stamp(tool: object) -> tuple[int, ...]:
+    """Return when a tool's file and those that it includes were last modified, ns; empty if the tool is not a file."""
     match = FILE.fullmatch(tool) if isinstance(tool, str) else None
-    return Path(match[1]).expanduser().stat().st_mtime_ns if match and is_file(match[1]) else 0
+    return resources.stamp(match[1]) if match and is_file(match[1]) else ()
 
 
 @lru_cache(maxsize=8)
-def _read(path: Path, stamp: int) -> Gripper:
+def _read(path: Path, stamp: tuple[int, ...]) -> Gripper:
     spec, _ = read_mjcf(path)
     for group in (spec.tendons, spec.equalities, spec.pairs, spec.excludes, spec.lights, spec.cameras, spec.joints):
         for element in list(group):

@@ -21,6 +21,7 @@ from vispeg.robots.arm import Limits, prepare
 from vispeg.robots.declare import RobotConfig
 from vispeg.robots.examples import write_mjcf, write_urdf
 from vispeg.robots.mjcf import read_mjcf
+from vispeg.robots.resources import stamp
 from vispeg.robots.urdf import read_urdf
 
 GRAVITY = 9.81  # m/s^2
@@ -102,9 +103,8 @@ def load(
     if tilt.shape != (2,) or not np.isfinite(tilt).all():
         raise UserError("not a base tilt", expected="roll and pitch in rad", got=base_tilt)
     path = _file(str(robot))
-    stamp = path.stat().st_mtime_ns if path else 0  # an edited file is read again
     turn = float(tilt[0]), float(tilt[1])
-    stamps = stamp, gripper.stamp(key)
+    stamps = stamp(path) if path else (), gripper.stamp(key)  # an edited file is read again
     return _load(str(robot), str(path) if path else "", stamps, key, turn, declared or RobotConfig(), moved)
 
 
@@ -141,7 +141,7 @@ def available() -> list[str]:
 def _load(
     robot: str,
     file: str,
-    stamps: tuple[int, int],
+    stamps: tuple[tuple[int, ...], tuple[int, ...]],
     tool: str | None,
     tilt: tuple[float, float],
     declared: RobotConfig,

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import xml.etree.ElementTree as ET
+from functools import lru_cache
 from pathlib import Path
 
 from vispeg.core.errors import UserError
-from vispeg.formats.guard import MB, read_text
+from vispeg.formats.guard import MB, is_file, read_bytes, read_text
 from vispeg.formats.xml_tree import read_xml
 
 ELEMENTS = 20_000  # greatest number of elements, copies included; arms have some hundreds
+PARTS = ("include", "model")  # elements that name another MJCF
 COPIES = ("replicate", "composite", "flexcomp")
 LARGEST = 16_384  # greatest value of the attributes in SIDES
 SIDES = {
@@ -35,6 +38,37 @@ def check_resources(path: Path) -> None:
         raise UserError("has too many elements", file=path, expected=f"at most {ELEMENTS}, copies counted", got=total)
 
 
+def files_of(path: str | Path) -> list[Path]:
+    """Return a robot's file and the files that an MJCF includes, each once; not meshes and textures."""
+    if not is_file(path):
+        return [Path(path)]  # its reader reports it
+    files = [Path(path).expanduser().resolve()]
+    for file in files if files[0].suffix.lower() != ".urdf" else ():
+        mentioned = (files[0].parent / name for name in _included(file, file.stat().st_mtime_ns))
+        files += [f for f in dict.fromkeys(m.resolve() for m in mentioned if is_file(m)) if f not in files]
+    return files
+
+
+def stamp(path: str | Path) -> tuple[int, ...]:
+    """Return when a robot's file and the files that it includes were last modified, ns."""
+    return tuple(file.stat().st_mtime_ns for file in files_of(path))
+
+
+def digest(path: str | Path) -> str:
+    """Return the SHA-256 (hex) of a robot's file and the files that it includes."""
+    return hashlib.sha256(b"".join(read_bytes(file) for file in files_of(path))).hexdigest()
+
+
+@lru_cache(maxsize=256)
+def _included(path: Path, stamp: int) -> tuple[str, ...]:
+    """Return the files that an MJCF mentions as its parts; none if it cannot be read, which its reader reports."""
+    try:
+        elements = [e for tag in PARTS for e in read_xml(path).iter(tag)]
+    except UserError:
+        return ()
+    return tuple(e.get("file", "") for e in elements if e.get("file"))
+
+
 def _file(path: Path, base: Path, above: tuple[Path, ...]) -> float:
     """Return the number of elements in a file, including copies and the files that it includes."""
     if path.resolve() in above:
@@ -47,7 +81,7 @@ def _file(path: Path, base: Path, above: tuple[Path, ...]) -> float:
 
 
 def _element(element: ET.Element, path: Path, base: Path, above: tuple[Path, ...]) -> float:
-    if element.tag in ("include", "model") and element.get("file"):
+    if element.tag in PARTS and element.get("file"):
         try:
             return _file(base / element.get("file", ""), base, above)
         except UserError as error:

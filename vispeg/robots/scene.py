@@ -17,7 +17,7 @@ import mujoco
 
 from vispeg.core.errors import UserError
 from vispeg.core.notes import note
-from vispeg.robots import furniture, hole, tools, user_cell
+from vispeg.robots import furniture, gripper, hole, tools, user_cell
 from vispeg.robots.declare import RobotConfig
 from vispeg.robots.furniture import COLOURS, LIGHTS
 from vispeg.robots.hole import TOUCHED, UNTOUCHED
@@ -96,7 +96,7 @@ class Scene(RobotModel):
 
 
 def build(config: SceneConfig | None = None, cameras: tuple[str, ...] = CAMERAS) -> Scene:
-    """Build the peg cell of a configuration; equal configurations return the same object.
+    """Build the peg cell of a configuration; equal configurations return the same object until a file is edited.
 
     Args:
         config: the configuration; default: `SceneConfig()`.
@@ -106,13 +106,16 @@ def build(config: SceneConfig | None = None, cameras: tuple[str, ...] = CAMERAS)
         UserError: the geometry is impossible, or a mesh file or the robot cannot be used.
     """
     config = config or SceneConfig()
-    return _build(config, cameras, *user_cell.shapes(config, config.robot.tool), user_cell.things(config))
+    arm = load(config.robot.model, declared=config.robot)
+    stamps = arm, gripper.stamp(config.robot.tool)  # an edited file is read again
+    return _build(config, cameras, stamps, *user_cell.shapes(config, config.robot.tool), user_cell.things(config))
 
 
 @lru_cache(maxsize=32)
 def _build(
     config: SceneConfig,
     cameras: tuple[str, ...],
+    stamps: tuple[RobotModel, tuple[int, ...]],
     peg: UserShape | None,
     block: UserShape | None,
     things: tuple[UserThing, ...],

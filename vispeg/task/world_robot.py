@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from vispeg.formats.guard import read_bytes
 from vispeg.robots.declare import RobotConfig
 from vispeg.robots.model import SUFFIXES
+from vispeg.robots.resources import digest
 
 
 def declared(stated: Any, file: Path, base: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -41,8 +40,8 @@ def _beside(model: str, file: Path) -> str:
 
 
 def identity(model: str) -> str:
-    """Return a robot's name, or the SHA-256 (hex) of its file, which is the same in any folder."""
-    return hashlib.sha256(read_bytes(model)).hexdigest() if is_path(model) else model
+    """Return a robot's name, or the SHA-256 (hex) of its file with those it includes, the same in any folder."""
+    return digest(model) if is_path(model) else model
 
 
 def is_path(model: str) -> bool:
