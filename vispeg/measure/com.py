@@ -101,7 +101,7 @@ def attitudes(readings: Readings, rng: np.random.Generator) -> Outcome:
             return (s + up) / (m + sum(e * half for e, (half, _) in zip(errors, moves, strict=True)))
 
         results.append(propagate(f"com_{name}", "m", centre, [first, scatter, *shifts], rng, repeats=len(down)))
-    notes = ["the sensor reads what the flange exerts on the tool: signs turned round"] if sign < 0 else []
+    notes = ["the forces point against the weight: signs turned round"] if sign < 0 else []
     details = {"force_bias_n": (sign * force.x[:3]).tolist(), "attitudes_apart_deg": float(np.degrees(apart))}
     return Outcome(tuple(results), tuple(notes), details)
 

@@ -13,11 +13,16 @@ from scipy.spatial.transform import Rotation
 
 from vispeg.core.errors import UserError
 from vispeg.measure.readings import Readings
+from vispeg.recordings.cell import WrenchSensor, canonical, reaction
+from vispeg.recordings.differentiate import bridged
 from vispeg.recordings.load import load
 from vispeg.recordings.recording import Recording
-from vispeg.robots.model import load as load_robot
+from vispeg.robots.model import tilted
 from vispeg.sim.compiled import flange_pose
+from vispeg.sim.recorded import with_robot
 from vispeg.sim.units import check_units
+
+DOWN = np.array([0.0, 0.0, -1.0])
 
 REST, STILL = 0.5, 2e-3  # at rest: all joints within STILL rad for REST s
 FREE, TOUCH = 1.0, 1.0  # s of free air at the start, N above which there is contact
@@ -28,19 +33,24 @@ SMOOTH = 0.05  # s, averaging window of the speed
 def at_rest(paths: Sequence[Path]) -> Readings:
     """Return the mean wrench (N, N m) and the direction of gravity, both in the flange frame, of every stretch at rest.
 
+    The wrench is that of the tool on the flange.
+
     Raises:
-        UserError: a recording that cannot be read, has no `ft`, or never rests.
+        UserError: a recording that cannot be read, has no `ft` or one without the tool's weight, or never rests.
     """
     wrench, down = [], []
     for path in paths:
-        rec, read, pose = _opened(path)
+        rec, read, _, turn = _opened(path)
+        if rec.wrench is not None and rec.wrench.tared == "weight":
+            what, expected = "the robot has subtracted the tool's weight", "readings that contain it: false or true"
+            raise UserError(what, file=path / "recording.yaml", key="wrench.tared", expected=expected, got="weight")
         length = max(2, round(REST * rec.rate_hz))
-        rests = _rests(rec.q, length)
+        rests = _rests(bridged(rec.time, rec.q), length)
         if not rests:
             raise UserError(f"never rests for {REST:g} s", file=path, expected="an attitude that is held")
         for rows in rests:
-            wrench.append(np.nanmean(read[rows], axis=0))
-            down.append(_rotation(pose[rows][len(pose[rows]) // 2, 3:]).T @ _gravity(rec))
+            wrench.append(reaction(np.nanmean(read[rows], axis=0)))
+            down.append(turn[(rows.start + rows.stop) // 2].inv().apply(tilted(DOWN, *rec.base_tilt)))
     names = ("fx", "fy", "fz", "tx", "ty", "tz", "gx", "gy", "gz")
     return Readings(paths[0], dict(zip(names, np.hstack([wrench, down]).T, strict=True)))
 
@@ -55,11 +65,9 @@ def slides(paths: Sequence[Path]) -> Readings:
     """
     rows: list[tuple[float, float, float]] = []
     for at, path in enumerate(paths):
-        rec, read, pose = _opened(path)
-        force, moved = _unbiased(rec.time, read, path), np.gradient(pose[:, :3], rec.time, axis=0)
-        across = (
-            Rotation.from_quat(pose[:, 3:], scalar_first=True).inv().apply(moved)[:, :2]
-        )  # velocity along z is pressing, not sliding
+        rec, read, position, turn = _opened(path)
+        force, moved = _unbiased(rec.time, read, path), np.gradient(position, rec.time, axis=0)
+        across = turn.inv().apply(moved)[:, :2]  # velocity along z is pressing, not sliding
         width = max(1, round(SMOOTH * rec.rate_hz))
         smooth = np.stack([np.convolve(v, np.ones(width) / width, "same") for v in across.T], axis=1)
         sliding = (np.linalg.norm(smooth, axis=1) > SPEED) & (np.abs(force[:, 2]) > TOUCH)
@@ -94,10 +102,9 @@ def presses(stop: Sequence[Path], fixture: Sequence[Path]) -> Readings:
     parts = []
     for on, paths in enumerate((stop, fixture)):
         for pose, path in enumerate(paths):
-            rec, read, flange = _opened(path)
+            rec, read, position, turn = _opened(path)
             force = np.abs(_unbiased(rec.time, read, path)[:, 2])
-            axis = _rotation(flange[0, 3:])[:, 2]
-            depth = np.abs((flange[:, :3] - flange[0, :3]) @ axis)
+            depth = np.abs(turn[0].inv().apply(position - position[0])[:, 2])
             touching = np.flatnonzero(force > TOUCH)
             if not len(touching):
                 raise UserError(f"never touches with more than {TOUCH:g} N", file=path)
@@ -111,16 +118,24 @@ def presses(stop: Sequence[Path], fixture: Sequence[Path]) -> Readings:
     return Readings(stop[0], dict(zip(names, table.T, strict=True)), {"force": 0.0, "depth": 0.0})
 
 
-def _opened(path: Path) -> tuple[Recording, np.ndarray, np.ndarray]:
-    """Load a recording; also return its wrench (n, 6) and the flange's pose (n, 7) in the base, measured or from the
-    robot's kinematics.
+def _opened(path: Path) -> tuple[Recording, np.ndarray, np.ndarray, Rotation]:
+    """Load a recording; also return its wrench (n, 6), and the flange's positions (n, 3) m and n rotations in the base.
+
+    The wrench is that of the flange on the tool, about the flange's origin, flange axes. The pose is measured, and rows
+    without it are left out; or, if `ee` was not recorded, it is from the robot's kinematics and angles without gaps.
     """
     rec = load(path)
     check_units(rec)
     if rec.ft is None:
         raise UserError("has no wrench", file=path, expected="columns ft.fx ... ft.tz")
-    pose = rec.ee if rec.ee is not None else flange_pose(load_robot(rec.robot), rec.q)
-    return rec, rec.ft, pose
+    ft = rec.ft
+    if rec.ee is not None and (known := np.isfinite(rec.ee).all(axis=1)).any():
+        rec, ft, pose = rec.some(known), ft[known], rec.ee[known]
+    else:
+        rec, robot = with_robot(rec)
+        pose = flange_pose(robot, bridged(rec.time, rec.q))
+    turn = Rotation.from_quat(pose[:, 3:], scalar_first=True)
+    return rec, canonical(ft, rec.wrench or WrenchSensor(), turn.as_matrix()), pose[:, :3], turn
 
 
 def _unbiased(time: np.ndarray, wrench: np.ndarray, path: Path) -> np.ndarray:
@@ -129,7 +144,7 @@ def _unbiased(time: np.ndarray, wrench: np.ndarray, path: Path) -> np.ndarray:
     force = wrench[:, :3]
     if np.nanstd(force[free], axis=0).max() > TOUCH:
         raise UserError(f"does not begin with {FREE:g} s in free air", file=path)
-    return np.nan_to_num(force - np.nanmean(force[free], axis=0))
+    return np.nan_to_num(bridged(time, force - np.nanmean(force[free], axis=0)))
 
 
 def _rests(q: np.ndarray, length: int) -> list[slice]:
@@ -137,7 +152,7 @@ def _rests(q: np.ndarray, length: int) -> list[slice]:
     out, start = [], 0
     while start + length <= len(q):
         end = start + length
-        if np.ptp(q[start:end], axis=0).max() > STILL:
+        if not np.ptp(q[start:end], axis=0).max() <= STILL:
             start += max(1, length // 10)
             continue
         while end < len(q) and np.abs(q[end] - q[start]).max() <= STILL:
@@ -151,19 +166,3 @@ def _stretches(flags: np.ndarray) -> list[slice]:
     """Return the runs of true values of `flags` (n,) as slices."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def _rotation(quat: np.ndarray) -> np.ndarray:
-    """Return the rotation matrix (3, 3) of a unit quaternion (w, x, y, z)."""
-    import mujoco
-
-    out = np.empty(9)
-    mujoco.mju_quat2Mat(out, np.asarray(quat, float))
-    return out.reshape(3, 3)
-
-
-def _gravity(rec: Recording) -> np.ndarray:
-    """Return the direction of gravity, a unit vector (3,), in the base frame."""
-    from vispeg.robots.model import tilted
-
-    return tilted(np.array([0.0, 0.0, -1.0]), *rec.base_tilt)
