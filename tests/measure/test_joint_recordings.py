@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from vispeg.api.measure.joint import measure_joint
+from vispeg.measure.arm import arm_of
 from vispeg.measure.steps import step_answer
-from vispeg.recordings.recording import Control, Recording
+from vispeg.measure.trace import from_recording
+from vispeg.recordings.recording import Control, Recording, in_order
 from vispeg.recordings.write import write
 from vispeg.robots.model import load
 
@@ -60,3 +62,20 @@ def test_recordings_of_one_name_in_two_folders_are_two(apart, tmp_path):
 def test_episodes_of_one_recording_are_motions_of_their_own(apart, tmp_path):
     parts, numbers, _ = apart
     assert found([write(joined(parts), tmp_path / "both")], tmp_path / "out") == numbers
+
+
+@pytest.mark.parametrize("joints", [JOINTS[::-1], JOINTS[:6]], ids=["reversed", "without the last"])
+def test_inertia_and_torque_of_a_joint_do_not_depend_on_the_others_columns(joints, tmp_path):
+    """The last joint stands at 0, where it is held if the log lacks it."""
+    whole = steps(0.1, 20.0, 0.7, "joint2")
+    q, q_cmd = whole.q.copy(), whole.q_cmd.copy()
+    q[:, 6] = q_cmd[:, 6] = 0.0
+    law = Control("position", RATE, "model", np.linspace(900.0, 300.0, 7), np.linspace(90.0, 30.0, 7))
+    whole = replace(whole, q=q, q_cmd=q_cmd, control=law)
+    n = len(joints)
+    less = replace(law, kp=law.kp[:n], kd=law.kd[:n])
+    some = in_order(replace(whole, joints=JOINTS[:n], q=q[:, :n], q_cmd=q_cmd[:, :n], control=less), joints)
+    assert arm_of(some, "joint2").held == pytest.approx(arm_of(whole, "joint2").held, rel=1e-9)
+    paths = [write(rec, tmp_path / name) for rec, name in ((whole, "whole"), (some, "some"))]
+    (one,), (other,) = (from_recording(path, "joint2")[0] for path in paths)
+    assert other.tau == pytest.approx(one.tau, rel=1e-9) and np.abs(one.tau[0]) > 10.0

@@ -1,15 +1,24 @@
 """Flange poses and known intrinsics are read as their formats say, and a wrong file is said in a line."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from board_views import LENS, X, Z
 from scipy.spatial.transform import Rotation
 
+from vispeg.api.photographs import photographs
 from vispeg.core.errors import UserError
+from vispeg.recordings.frames.camera import RecordedCamera
+from vispeg.recordings.frames.frames import Frames, RecordedFrame
+from vispeg.recordings.recording import Control, Recording, in_order
+from vispeg.recordings.write import write
 from vispeg.render.calibration import read_poses
 from vispeg.render.calibration.known import read_intrinsics
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.camera_files import load_cameras, save_cameras
+from vispeg.robots.model import load as robot
+from vispeg.sim.compiled import flange_pose
 
 HEAD = "file,x,y,z,qw,qx,qy,qz\n"
 SIZE = "<image_width>640</image_width><image_height>480</image_height>"
@@ -87,3 +96,19 @@ def test_known_intrinsics(tmp_path):
         read_intrinsics(visp)
     with pytest.raises(UserError, match="no such file"):
         read_intrinsics(tmp_path / "gone.xml")
+
+
+def test_the_flange_of_a_recording_s_pictures_does_not_depend_on_the_order_of_its_joints(tmp_path):
+    """The joints of an iiwa as the model lists them, in reverse, and without the last one, which stands at 0."""
+    arm, time = robot("iiwa14"), np.arange(100) / 100.0
+    q = np.linspace(0.7, 0.1, 7) * np.sin(time)[:, None] + 0.2
+    q[:, 6] = 0.0
+    eye = RecordedCamera("eye", 8, 6, 9.0, 9.0, 3.5, 2.5)
+    rows, picture = [10, 50, 90], np.zeros((6, 8, 3), np.uint8)
+    frames = Frames({"eye": eye}, tuple(RecordedFrame(float(time[row]), eye, picture) for row in rows))
+    wanted = flange_pose(arm, q[rows])
+    for name, joints in (("all", arm.joints), ("reversed", arm.joints[::-1]), ("six", arm.joints[:6])):
+        n = len(joints)
+        rec = Recording(Path("r"), "iiwa14", arm.joints[:n], 100.0, Control(), time, q[:, :n], frames=frames)
+        found = photographs(write(in_order(rec, joints), tmp_path / name), None, "eye")
+        assert found.flange([file.name for file in found.files])[:, :3, 3] == pytest.approx(wanted[:, :3], abs=1e-6)

@@ -17,8 +17,8 @@ from vispeg.recordings.recording import Recording
 from vispeg.render.calibration.detect import pictures
 from vispeg.render.calibration.poses import read_poses
 from vispeg.render.calibration.rigid import from_quaternion
-from vispeg.robots.model import load as load_robot
 from vispeg.sim.compiled import flange_pose
+from vispeg.sim.recorded import with_robot
 
 
 @dataclass(frozen=True)
@@ -49,10 +49,10 @@ def photographs(images: str | Path, poses: str | Path | None, camera: str) -> Ph
 def _recorded(root: Path, poses: str | Path | None, camera: str) -> Photographs:
     if poses is not None:
         raise UserError("the poses of a recording follow from its joints", key="--poses", expected="none", got=poses)
-    rec = load(root)
+    rec, robot = with_robot(load(root))
     frames = _frames_of(rec, camera)
     q = joints_at(rec, frames.times, frames.episodes)
-    pose = flange_pose(load_robot(rec.robot), q)
+    pose = flange_pose(robot, q)
     every = from_quaternion(pose[:, :3], pose[:, 3:])
     rows = np.flatnonzero(np.isfinite(q).all(axis=1))
     flange = {file: every[i] for i in rows if isinstance(file := frames[int(i)].rgb_source, Path)}

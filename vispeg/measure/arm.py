@@ -20,8 +20,9 @@ from scipy.linalg import expm
 from vispeg.effects.common.servo_loop import FAST
 from vispeg.measure.steps import Servo
 from vispeg.recordings.recording import Recording
-from vispeg.robots.model import RobotModel, load_for
+from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import compiled
+from vispeg.sim.recorded import with_robot
 from vispeg.sim.servo import reference_inertia
 
 TURN = 1e-4  # rad, step of the finite difference for gravity's slope
@@ -186,9 +187,9 @@ def arm_of(rec: Recording, joint: str) -> Arm:
     """Return the arm of a recording about its median posture; the other joints have the loops that it states.
 
     Raises:
-        UserError: an unknown robot.
+        UserError: an unknown robot, or joints that it does not have.
     """
-    robot = load_for(rec.joints, rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
+    rec, robot = with_robot(rec)
     law, reference = rec.control, reference_inertia(robot)
     mass, slope, passive = about(robot, np.nanmedian(rec.q, axis=0))
     late = 0.0

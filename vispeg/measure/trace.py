@@ -15,8 +15,8 @@ from vispeg.recordings.recording import Recording
 from vispeg.recordings.tables.read import read_table
 from vispeg.recordings.tables.table import Reading
 from vispeg.recordings.validate import check_angles
-from vispeg.robots.model import load as load_robot
 from vispeg.sim.compiled import nominal_of
+from vispeg.sim.recorded import with_robot
 from vispeg.sim.units import check_units
 
 NEEDED = ("time", "q_cmd", "q")
@@ -127,7 +127,9 @@ def _weight(rec: Recording, j: int) -> np.ndarray:
 
     The other joints are taken at the medians of their angles.
     """
-    robot = load_robot(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
+    joint = rec.joints[j]
+    rec, robot = with_robot(rec)
+    j = rec.joints.index(joint)
     angle = np.linspace(np.nanmin(rec.q[:, j]), np.nanmax(rec.q[:, j]), 33)
     posture = np.tile(np.nanmedian(rec.q, axis=0), (len(angle), 1))
     posture[:, j] = angle
