@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pressed
 import pytest
@@ -12,21 +14,43 @@ from vispeg.contact.phases import NAMES
 from vispeg.core.assets import assets
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.compare import compare
+from vispeg.diagnosis.record import channels
+from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
 
 
-def test_the_error_of_the_headline_is_that_of_the_plot_and_of_the_table():
+def swing():
+    """A pendulum that swings for 3 s under position control, with its torque measured."""
     robot = pendulum()
     t = np.arange(600) * 5e-3
     q = 0.4 * (1 - np.cos(2 * np.pi * 0.8 * t))[:, None]
     s = drive(robot, "position", q[0], command=q, seconds=3.0, rate=200.0, kp=60.0, kd=4.0)
-    rec = recorded(robot, robot.source, World(), s, stream(3, 0))
-    result = compare(World(robot.source), [rec])
+    return recorded(robot, robot.source, World(), s, stream(3, 0))
+
+
+def test_the_error_of_the_headline_is_that_of_the_plot_and_of_the_table():
+    rec = swing()
+    result = compare(World(rec.robot), [rec])
     drawn = result.arrays["0/measured"] - result.arrays["0/before"]
     assert np.isnan(drawn[0]).all() and np.isfinite(drawn[-1]).all(), "the start is not compared"
     plain = np.sqrt(np.nanmean(drawn**2))
     assert result.record["ladder"][0]["heldout_error"] == pytest.approx(plain, rel=1e-9)
     assert result.record["joints"][0]["error"] == pytest.approx(plain, rel=1e-9)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_a_torque_has_the_errors_of_the_recordings_that_have_one(first):
+    """Angles are those of both recordings, torques of the one that was recorded with a sensor, in either order."""
+    felt = swing()
+    both = [felt, replace(felt, tau=None, torque_sensor="none")]
+    together, alone = (Evidence(some, h_max=1e-3) for some in ([both[first], both[1 - first]], [felt]))
+    rows = [channels(e, e.simulated([World(felt.robot)]), None) for e in (together, alone)]
+    assert [row["channel"] for row in rows[0]] == ["angle", "torque"]
+    for mixed, one in zip(*rows, strict=True):
+        assert mixed["unit"] == one["unit"] and mixed["floor"] == pytest.approx(one["floor"], rel=1e-12)
+        assert mixed["before"] == pytest.approx(one["before"], rel=1e-12)
+    (joint,) = compare(World(felt.robot), both).record["joints"]
+    assert joint["error"] == pytest.approx(rows[1][0]["before"], rel=1e-9) and "torque_error" not in joint
 
 
 def test_traces_of_a_result_leave_what_its_record_says():

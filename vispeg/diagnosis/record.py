@@ -220,16 +220,17 @@ def channels(evidence: Evidence, predicted: list[np.ndarray], least: list[np.nda
         least: for each item the residuals (m, nj) of the least squares of base parameters; None if there are none.
     """
     out, names = [], evidence.items[0].robot.joints
-    for j, (kind, unit) in enumerate((c.kind, c.unit) for c in evidence.items[0].channels for _ in names):
-        column = [(i.measured[:, j], y[:, :, j], i.valid[:, j]) for i, y in zip(evidence.items, predicted, strict=True)]
+    for ((kind, unit, j), pairs), floor in zip(evidence.columns.items(), evidence.floors, strict=True):
+        which = [(evidence.items[i], predicted[i], k) for i, k in pairs]
+        column = [(item.measured[:, k], y[:, :, k], item.valid[:, k]) for item, y, k in which]
         size = max(sum(int(v.sum()) for *_, v in column), 1)
         error = [
             np.sqrt(sum(np.sum((m - y[w])[v] ** 2) for m, y, v in column) / size) for w in range(len(predicted[0]))
         ]
         row: Channel = {
             "channel": kind,
-            "joint": names[j % len(names)],
-            "floor": float(evidence.floors[j]),
+            "joint": names[j],
+            "floor": float(floor),
             "before": float(error[0]),
             "after": float(error[-1]),
             "unit": f"{unit} RMS",

@@ -317,11 +317,28 @@ class Evidence(Freedom):
         return [self.rms_error(r) for r in self.each_residual(worlds)]
 
     @property
+    def columns(self) -> dict[tuple[str, str, int], list[tuple[int, int]]]:
+        """Return for each column of the channels, by kind, unit and joint, the items that have it: (item, its column).
+
+        The principal channel of every item has the first one's name; recordings may differ in the channels beside it.
+        """
+        out: dict[tuple[str, str, int], list[tuple[int, int]]] = {}
+        for i, item in enumerate(self.items):
+            first, *beside = item.channels
+            named = [(self.items[0].channels[0], first), *((c, c) for c in beside)]
+            keys = [(name.kind, name.unit, j) for name, c in named for j in range(c.measured.shape[1])]
+            for column, key in enumerate(keys):
+                out.setdefault(key, []).append((i, column))
+        return out
+
+    @property
     def floors(self) -> np.ndarray:
-        """RMS noise of each column of the channels, (nch,) in its unit: the error of a perfect model."""
-        count = np.stack([i.valid.sum(axis=0) for i in self.items])
-        square = np.stack([i.sigma**2 for i in self.items])
-        return np.sqrt(np.sum(count * square, axis=0) / np.maximum(count.sum(axis=0), 1))
+        """RMS noise of each of the `columns`, in its unit: the error of a perfect model."""
+        out = []
+        for pairs in self.columns.values():
+            some = [(self.items[i].valid[:, column].sum(), self.items[i].sigma[column]) for i, column in pairs]
+            out.append(np.sqrt(sum(n * sigma**2 for n, sigma in some) / max(sum(n for n, _ in some), 1)))
+        return np.array(out)
 
     @property
     def floor(self) -> float:
