@@ -1,5 +1,6 @@
 """A recording in which nothing shows that a model lacks cannot judge what it lacks."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,11 +29,16 @@ def recordings(tmp_path_factory):
     t = np.arange(1000) * 5e-3
     once = 0.05 + 0.75 * np.exp(-(((t - 1.0) / 0.4) ** 2))[:, None]
     for k, (name, size) in enumerate([("wide", 0.8), ("wider", 0.75), ("narrow", 0.05), ("once", once)]):
-        swing = size * (1 - np.cos(2 * np.pi * np.outer(t, [1.1 + 0.1 * k, 0.9])))
-        s = drive(robot, "position", 0.0, command=swing, seconds=5.0, rate=200.0, kp=60.0, kd=4.0)
-        rec = recorded(robot, robot.source, World().add(LIMIT), s, stream(5, k))
-        out[name] = type(rec)(**{**vars(rec), "path": Path(name)})
+        out[name] = swung(robot, name, k, size)
     return out
+
+
+def swung(robot, name: str, k: int, size, limit: EffectInstance = LIMIT):
+    """A swing of 5 s, of `size` rad, under position control."""
+    t = np.arange(1000) * 5e-3
+    swing = size * (1 - np.cos(2 * np.pi * np.outer(t, [1.1 + 0.1 * k, 0.9])))
+    s = drive(robot, "position", 0.0, command=swing, seconds=5.0, rate=200.0, kp=60.0, kd=4.0)
+    return replace(recorded(robot, robot.source, World().add(limit), s, stream(5, k)), path=Path(name))
 
 
 def roles(recordings, fitted: list[str], held_out: list[str]):
@@ -59,6 +65,17 @@ def test_what_one_half_of_one_recording_shows_is_said_to_be_judged_nowhere(recor
     assert found is not None
     assert found.fitted == evidence.recordings and found.held_out == judged.recordings
     assert "once is" in found.note and "another recording" in found.note
+
+
+def test_what_was_changed_in_a_recording_is_said_in_its_new_role_too(recordings):
+    """The evidence in the new roles has the recording as it was changed, and does not say so again."""
+    robot = load(recordings["wide"].robot)
+    weak = swung(robot, "weak", 0, 0.8, EffectInstance.of("torque_limit", "shoulder", limit=8.0))
+    evidence, judged = Evidence([weak]), Evidence([recordings["narrow"]])
+    (note,) = [note for note in evidence.notes if "saturated" in note]
+    found = recast(World(weak.robot), evidence, judged)
+    assert found is not None and found.held_out is not judged.recordings and found.converted == (note,)
+    assert note not in Evidence(found.fitted).notes + Evidence(found.held_out).notes
 
 
 def test_what_its_recording_alone_showed_is_judged_by_that_recording(recordings):

@@ -89,7 +89,7 @@ def diagnose(
     roles = recast(world, evidence, judged)
     if roles is not None:
         say(roles.note)
-        still.append(roles.note)
+        still += [roles.note, *roles.converted]
         if roles.held_out is not judged.recordings:
             fitted, held_out = roles.fitted, roles.held_out
             evidence, judged = evidence_for(fitted, nthread), evidence_for(held_out, nthread, h_max=1e-3)

@@ -61,6 +61,7 @@ class Evidence(Freedom):
     Attributes:
         items: pieces of the recordings that are compared, in the order of the residual.
         notes: messages for the user on what was left out or changed.
+        converted: those notes that an evidence of these `recordings`, which are changed already, would not have again.
         floor_from: where the noise is known from, in words.
     """
 
@@ -82,8 +83,9 @@ class Evidence(Freedom):
         self.notes = [_used(rec, n) for rec, n in zip(recordings, every, strict=True) if rec.chosen or n > 1]
         self.notes += [line for rec in recordings for line in missing.said(rec)]
         self.notes += [contact.said(rec.name) for rec, contact in touched if contact is not None]
-        self.notes += [said(rec, rest) for rec, rest in zip(recordings, sound, strict=True) if rest is not rec]
-        self.notes += [OPEN.format(a.name) for a, b in zip(self.recordings, sound, strict=True) if a is not b]
+        self.converted = [said(rec, rest) for rec, rest in zip(recordings, sound, strict=True) if rest is not rec]
+        self.converted += [OPEN.format(a.name) for a, b in zip(self.recordings, sound, strict=True) if a is not b]
+        self.notes += self.converted
         self.notes += _stops(self.recordings)
         self.floor_from = "stated noise" if all("q" in r.noise for r in recordings) else "estimated"
         self._recent: list[tuple[tuple[World, ...], list[np.ndarray]]] = []

@@ -24,13 +24,15 @@ class Roles:
     """Fitted and held-out recordings, and a note on the choice.
 
     `alone` is the name of the only recording that shows what the model lacks, set if it cannot be split either, so that
-    no held-out data can judge it; else it is empty.
+    no held-out data can judge it; else it is empty. `converted` are the notes on recordings in new roles that a new
+    evidence of them lacks (`Evidence.converted`).
     """
 
     fitted: list[Recording]
     held_out: list[Recording]
     note: str
     alone: str = ""
+    converted: tuple[str, ...] = ()
 
     def unjudged(self, world: World, evidence: Evidence) -> Roles | None:
         """Return these roles if only one recording shows what a model lacks, and `world` still lacks it."""
@@ -52,12 +54,13 @@ def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
     if not loud:
         return None
     names = ", ".join(r.name for r in judged.recordings)
+    converted = tuple(dict.fromkeys([*evidence.converted, *judged.converted]))
     if len(loud) == 1:
         first, second = halves(loud[0])
         if np.ptp(second.time) > RULES.half_least and min(shown(evidence_for([first, second]), world)) > RULES.loud:
             rest = [r for r in evidence.recordings if r is not loud[0]]
             note = f"only {loud[0].name} shows what the model lacks: its second half judges what is fitted to its first"
-            return Roles([first, *rest, *judged.recordings], [second], note)
+            return Roles([first, *rest, *judged.recordings], [second], note, converted=converted)
         far = f"{loud[0].name} is {floors(max(errors))} × the noise floor from the model"
         note = f"{far}, and none of it shows in {names}: nothing can be judged before another recording shows it"
         return Roles(evidence.recordings, judged.recordings, note, loud[0].name)
@@ -65,7 +68,7 @@ def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
     judge = [r for r in loud if r is not most][-1]
     rest = [r for r in evidence.recordings if r is not judge]
     note = f"nothing that the model lacks shows in {names}, so {judge.name} judges, and the fit includes {names}"
-    return Roles([*rest, *judged.recordings], [judge], note)
+    return Roles([*rest, *judged.recordings], [judge], note, converted=converted)
 
 
 def halves(rec: Recording) -> tuple[Recording, Recording]:

@@ -34,7 +34,8 @@ def without_drift(evidence: Evidence, world: World) -> Evidence:
         return evidence
     recordings = [as_asked(r, nominal_robot(r)) if id(r) in drift else r for r in evidence.recordings]
     out = Evidence(recordings, h_max=evidence.h_max, nthread=evidence.nthread)
-    out.notes = [*evidence.notes, *(SOFT.format(r.name, drift[id(r)]) for r in evidence.recordings if id(r) in drift)]
+    soft = [SOFT.format(r.name, drift[id(r)]) for r in evidence.recordings if id(r) in drift]
+    out.notes, out.converted = [*evidence.notes, *soft], [*evidence.converted, *soft]
     return out
 
 
