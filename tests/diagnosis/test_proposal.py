@@ -9,6 +9,7 @@ from vispeg.core.effect import REGISTRY, EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.proposal import propose
 from vispeg.identify.drives import Drives
+from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
 from vispeg.identify.record import centre_of, controller, record
 from vispeg.recordings.noise import NOISE
@@ -64,6 +65,20 @@ def test_measured_torques_of_an_unknown_controller_say_the_same(sides):
 
 def test_nothing_is_proposed_for_the_right_model(sides):
     assert not propose(HIDDEN, *sides).named
+
+
+def test_what_is_too_short_for_torques_is_left_out(sides):
+    """Episodes of 0.9 s can be compared by rollouts, and their torques are all in the filter's transients."""
+    (good,), _ = sides
+    one = recorded(HIDDEN, 3, seconds=0.9)
+    n, joined = len(one.time), {k: np.tile(getattr(one, k), (3, 1)) for k in ("q", "dq", "tau", "q_cmd", "dq_cmd")}
+    time = np.concatenate([one.time + k for k in range(3)])
+    short = replace(one, time=time, episode=np.repeat(range(3), n), **joined)
+    assert len(Evidence([short]).items) == 3
+    assert not Drives([short]) and propose(World(), [short], [good]) is None
+    some, alone = Drives([good, short]), Drives([good])
+    assert some.recordings == [good]
+    np.testing.assert_array_equal(some.torque, alone.torque)
 
 
 def test_no_torque_no_proposal(sides):

@@ -111,6 +111,19 @@ def test_episodes_are_differentiated_each_on_its_own():
     np.testing.assert_allclose(whole.residuals([World()])[0], apart.residuals([World()])[0], atol=1e-9)
 
 
+def test_a_joint_without_readings_leaves_the_noise_of_two_runs_as_it_is():
+    segment = iiwa_segment("position", 5.5, seed=0)
+    runs = [recorded(ROBOT, "iiwa14", World(), segment, stream(k, "twice"), h_max=5e-3) for k in (0, 1)]
+    runs = [replace(r, control=Control("unknown", r.rate_hz), q_cmd=None, dq_cmd=None) for r in runs]
+    holed = [replace(r, tau=np.where(np.arange(7) == 6, np.nan, r.tau)) for r in runs]
+    whole, part = evidence_for(runs), evidence_for(holed)
+    assert whole.floor_from == part.floor_from == "repeats"
+    np.testing.assert_array_equal(part.floors[:6], whole.floors[:6])
+    assert part.floors[6] == pytest.approx(np.sqrt(np.mean(whole.floors[:6] ** 2)))
+    (residual,) = part.residuals([World()])
+    assert residual @ residual / part.count == pytest.approx(1.0, rel=0.3)
+
+
 def test_dry_friction_is_against_the_motion(evidence):
     world = World().add(EffectInstance.of("coulomb_friction", "joint3", torque=1.5))
     for item, y in zip(evidence.items, evidence.simulated([World(), world]), strict=True):

@@ -15,7 +15,7 @@ import numpy as np
 
 from vispeg.control.laws import position
 from vispeg.core.effect import effect
-from vispeg.identify.inverse import ENDS, MOTION_HZ, TorqueEvidence, rigid_body
+from vispeg.identify.inverse import MOTION_HZ, TorqueEvidence, long_runs, rigid_body
 from vispeg.identify.loops.runaway import without_runaway
 from vispeg.identify.loops.soft import as_asked
 from vispeg.identify.nominal import nominal_robot, robot_of
@@ -70,7 +70,7 @@ def with_drive_torque(rec: Recording) -> Recording | None:
     """Return the recording with its drive torque as `tau`, low-passed, and no controller.
 
     Under a known controller that is the commanded torque, even if torque was measured: a sensor behind the gear does
-    not see the friction in it. None if no drive torque is known, or if the recording is too short.
+    not see the friction in it. None if no drive torque is known, or if every episode is too short.
     """
     rec = without_runaway(rec, nominal_robot(rec), LEAST)
     command = sent(rec, robot_of(rec))
@@ -79,10 +79,10 @@ def with_drive_torque(rec: Recording) -> Recording | None:
     tau = rec.tau if command is None else command
     assert tau is not None
     sensor = rec.torque_sensor if command is None else "motor"
-    if np.ptp(rec.time) <= 2 * ENDS:
+    out = replace(rec, control=Control("unknown", rec.rate_hz), torque_sensor=sensor)
+    if not long_runs(out):
         return None  # too short: filter transients cover all of it
-    low = smooth(rec.time, tau, MOTION_HZ)[0]
-    return replace(rec, control=Control("unknown", rec.rate_hz), tau=low, torque_sensor=sensor)
+    return replace(out, tau=smooth(rec.time, tau, MOTION_HZ)[0])
 
 
 @dataclass(frozen=True)

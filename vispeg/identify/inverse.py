@@ -59,7 +59,7 @@ class TorqueEvidence(Evidence):
 
     def __init__(self, recordings: Sequence[Recording], noise: np.ndarray | None = None):
         self.recordings, self.nthread, self.h_max = list(recordings), 1, 0.0  # nothing is integrated
-        self.notes = list(CAVEATS)
+        self.notes, self.converted = list(CAVEATS), []
         self._recent = []
         noise, self.floor_from = _noise(self.recordings) if noise is None else (noise, "given")
         # One weight for all joints, so that an error of 1 N m counts the same in each: the rigid model's error exceeds
@@ -210,10 +210,8 @@ def _items(rec: Recording, sigma: np.ndarray, contact: Contact | None) -> list[I
             why, key = "`torque_sensor` is none, so that no torque is used", "torque_sensor"
         expected = "joint or motor, with tau columns, or a controller"
         raise UserError(f"the controller is unknown and {why}", file=header, key=key, expected=expected)
-    number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
     free = np.ones(len(rec.time), bool) if contact is None else contact.free
-    runs = [run for n in np.unique(number) for run in missing.stretches(rec, np.flatnonzero(number == n))]
-    long = [run for run in runs if rec.time[run[-1]] - rec.time[run[0]] >= 2 * ENDS]
+    long = long_runs(rec)
     if not long:
         raise UserError(f"too short to compare: every episode lasts under {2 * ENDS:g} s", file=rec.path)
     items = [item for run in long if (item := _item(rec, rec.tau, run, sigma, free)).valid.any()]
@@ -224,13 +222,30 @@ def _items(rec: Recording, sigma: np.ndarray, contact: Contact | None) -> list[I
     return items
 
 
+def long_runs(rec: Recording) -> list[np.ndarray]:
+    """Return the rows of each episode, cut at long gaps in its angles, that has samples to compare between its ends."""
+    number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
+    runs = [run for n in np.unique(number) for run in missing.stretches(rec, np.flatnonzero(number == n))]
+    return [run for run in runs if _inside((rec.time[run] - rec.time[run[0]])[_thin(rec)]).any()]
+
+
+def _thin(rec: Recording) -> slice:
+    """Return which of an episode's samples are compared, about `SAMPLES_HZ`."""
+    return slice(None, None, max(1, round(rec.rate_hz / SAMPLES_HZ)))
+
+
+def _inside(time: np.ndarray) -> np.ndarray:
+    """Return which samples, (n,) s after an episode's start, are not at its ends, (n,) bool."""
+    return (time >= ENDS) & (time <= time[-1] - ENDS)
+
+
 def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray, free: np.ndarray) -> Item:
     """Return the item of some consecutive rows, thinned to `SAMPLES_HZ`; `free` (n,) says which may be compared.
 
     `tau` (n, nj) is the measured torque, `sigma` (nj,) its noise.
     """
     robot, time = robot_of(rec), rec.time[rows] - rec.time[rows[0]]
-    thin = slice(None, None, max(1, round(rec.rate_hz / SAMPLES_HZ)))
+    thin = _thin(rec)
     path, dq, ddq = smooth(time, rec.q[rows], MOTION_HZ)
     read = np.isfinite(ddq.sum(axis=1))
     path, dq, ddq = (np.nan_to_num(v) for v in (path, dq, ddq))  # missing readings are not compared
@@ -241,8 +256,7 @@ def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray, 
     raw = np.where(np.isfinite(raw), raw, q)
     segment = Segment(control, 1.0 / rec.rate_hz, {}, q, dq, raw, time, rows[thin])
     segment.cache.update(ddq=ddq, path=path, at=at)
-    inside = (time >= ENDS) & (time <= time[-1] - ENDS)
-    valid = np.isfinite(tau) & (inside & free[rows][thin] & read[thin])[:, None]
+    valid = np.isfinite(tau) & (_inside(time) & free[rows][thin] & read[thin])[:, None]
     return Item(rec, segment, robot, (Channel("needed", tau, sigma, valid),))
 
 
@@ -264,8 +278,13 @@ def _noise(recordings: Sequence[Recording]) -> tuple[np.ndarray, str]:
     read = np.isfinite(tau).any(axis=0)
     sigma = np.full(tau.shape[1], np.nan)
     sigma[read] = np.maximum(highpass_sigma(tau[:, read]), RULES.torque_repeats * np.nanstd(tau[:, read], axis=0))
-    usual = np.sqrt(np.nanmean(sigma**2)) if read.any() else 0.0  # a joint without readings is not compared
-    return np.maximum(np.where(read, sigma, usual), 1e-3), "estimated"
+    return np.maximum(_usual(sigma), 1e-3), "estimated"
+
+
+def _usual(sigma: np.ndarray) -> np.ndarray:
+    """Return noise (nj,) with that of joints without readings (NaN), which are not compared, as the others' RMS."""
+    read = np.isfinite(sigma)
+    return np.where(read, sigma, np.sqrt(np.mean(sigma[read] ** 2)) if read.any() else 0.0)
 
 
 def _repeat_gap(a: Recording, b: Recording, longest: float = 2.0) -> np.ndarray | None:
@@ -287,4 +306,7 @@ def _repeat_gap(a: Recording, b: Recording, longest: float = 2.0) -> np.ndarray 
     best = min(near, key=lambda s: float(np.nanmax(np.nanstd(core - b.q[s : s + n], axis=0))))
     if np.nanmax(np.nanstd(core - b.q[best : best + n], axis=0)) > 0.02:
         return None
-    return np.nanstd(a.tau[most : most + n] - b.tau[best : best + n], axis=0) / np.sqrt(2.0)
+    difference = a.tau[most : most + n] - b.tau[best : best + n]
+    read = np.isfinite(difference).any(axis=0)
+    sigma = np.nanstd(np.where(read, difference, 0.0), axis=0) / np.sqrt(2.0)
+    return _usual(np.where(read, sigma, np.nan)) if read.any() else None
