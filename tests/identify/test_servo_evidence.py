@@ -17,6 +17,7 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis.run import diagnose
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import Motion
+from vispeg.identify.load import load_noise
 from vispeg.identify.record import controller, record
 from vispeg.recordings.load import load as load_recording
 from vispeg.recordings.noise import noise_of
@@ -56,6 +57,16 @@ def _flipped(residual: np.ndarray) -> np.ndarray:
     out = residual.reshape(-1, 14).copy()
     out[:, 7:] *= -1
     return out.ravel()
+
+
+def test_a_joint_whose_load_is_never_read_changes_no_other(recording):
+    some = np.arange(7) != 6
+    holed = replace(recording, load=np.where(some, recording.load, np.nan))
+    np.testing.assert_allclose(load_noise(holed.load)[some], load_noise(recording.load[:, some]), rtol=1e-12)
+    whole, part = (e.residuals([SLOW])[0].reshape(-1, 14) for e in map(lambda r: Evidence([r]), (recording, holed)))
+    np.testing.assert_array_equal(part[:, :7], whole[:, :7])
+    np.testing.assert_allclose(part[:, 7:13], whole[:, 7:13], rtol=0.1)  # the least noise is that of the joints read
+    assert not part[:, 13].any()
 
 
 def test_a_load_without_a_sign_is_a_magnitude(recording):

@@ -24,10 +24,12 @@ def unsigned(rec: Recording) -> bool:
 def load_noise(load: np.ndarray) -> np.ndarray:
     """Return the noise (nj,) of a load (n, nj), in its unit: that of its high frequencies.
 
-    It is at least a share of the joint's spread, and of the RMS spread over joints, so a joint at rest has some too.
+    It is at least a share of the joint's spread, and of the RMS spread over joints with readings, so a joint at rest or
+    without readings has some too.
     """
-    spread = np.nanstd(load, axis=0)
-    least = max(RULES.load_noise * float(np.sqrt(np.mean(spread**2))), 1e-9)
+    read = np.isfinite(load).any(axis=0)
+    spread = np.nanstd(np.where(read, load, 0.0), axis=0)
+    least = max(RULES.load_noise * float(np.sqrt(np.sum(spread**2) / max(read.sum(), 1))), 1e-9)
     return np.maximum(np.maximum(highpass_sigma(load), RULES.load_noise * spread), least)
 
 
