@@ -112,6 +112,16 @@ def test_friction_at_one_angle_alone_is_none(items):
     assert change.parts[-1] > 1.5 > 0.5 > change.parts[0]
 
 
+def test_a_missing_reading_is_no_angle(items):
+    angle = np.concatenate([i.posture[:, 0] for i in items])
+    fit = fitted(items, 3.0 * np.exp(-(((angle - 0.8) / 0.2) ** 2)))
+    q = items[0].recording.q.copy()
+    q[ROWS // 2, 0] = np.nan
+    holed = [replace(items[0], recording=replace(items[0].recording, q=q)), *items[1:]]
+    (whole,), (change,) = (changes(some, fit, 0, left(fit)) for some in (items, holed))
+    assert change.over == "position" and change.parts == pytest.approx(whole.parts, abs=0.05)
+
+
 def test_a_servo_is_not_judged_by_a_gain_that_may_be_null():
     """Its bandwidth tells it, and that vanishes on no straight line; friction is judged by its torque."""
     fit = fits.fit(World().add(EffectInstance.of("servo", "shoulder"), FRICTION))

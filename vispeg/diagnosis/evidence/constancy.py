@@ -104,8 +104,8 @@ def _times(items: Sequence[Item]) -> np.ndarray:
 
 
 def _quarters(values: np.ndarray) -> np.ndarray:
-    """Return the quartile (0 to 3) of each of `values`."""
-    return np.digitize(values, np.quantile(values, np.arange(1, RULES.parts) / RULES.parts))
+    """Return the quartile (0 to 3) of each of `values`; 3 for NaN."""
+    return np.digitize(values, np.nanquantile(values, np.arange(1, RULES.parts) / RULES.parts))
 
 
 def _entries(items: Sequence[Item], values: np.ndarray) -> np.ndarray:

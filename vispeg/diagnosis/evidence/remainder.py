@@ -78,18 +78,17 @@ def sizes(held_out: list[MissingTorque], joints: tuple[str, ...]) -> list[Remain
 
 def _tone(missing: list[MissingTorque]) -> tuple[float, float, int]:
     """Return the share of missing torque within 0.4 Hz of its strongest line above 0.4 Hz, that line in Hz, and the
-    index of its joint, from the first item.
+    index of its joint; all from the first item.
     """
-    best = (0.0, 0.0, 0)
-    total = sum(float(np.sum((k.excess / k.sigma) ** 2)) for k in missing)
-    for j in range(missing[0].q.shape[1]):
-        k = missing[0]
+    best, k = (0.0, 0.0, 0), missing[0]
+    total = float(np.sum((k.excess / k.sigma) ** 2))
+    for j in range(k.q.shape[1]):
         y = (k.excess[:, j] - k.excess[:, j].mean()) / k.sigma[j]
         f = np.fft.rfftfreq(len(y), float(np.mean(np.diff(k.time))))
         power = 2 * np.abs(np.fft.rfft(y)) ** 2 / len(y)
         power[f < 0.4] = 0.0
         at = int(np.argmax(power))
-        share = float(power[np.abs(f - f[at]) <= 0.4].sum()) / max(total / len(missing), 1e-12)
+        share = float(power[np.abs(f - f[at]) <= 0.4].sum()) / max(total, 1e-12)
         if share > best[0]:
             best = (share, float(f[at]), j)
     return best

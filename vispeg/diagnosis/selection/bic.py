@@ -34,11 +34,12 @@ def correlation_time(evidence: Evidence, residual: np.ndarray) -> float:
 def spectra(evidence: Evidence, residual: np.ndarray) -> list[np.ndarray]:
     """Return for each item the Fourier transform (n + 1, nch) of its residual, minus each column's mean.
 
-    n is the number of samples valid in all columns; items with fewer than 16 are left out.
+    n is the number of samples valid in all columns that are read at all; items with fewer than 16 are left out.
     """
     out, start = [], 0
     for item in evidence.items:
-        r = residual[start : start + item.measured.size].reshape(item.measured.shape)[item.valid.all(axis=1)]
+        rows = (item.valid | ~item.valid.any(axis=0)).all(axis=1)
+        r = residual[start : start + item.measured.size].reshape(item.measured.shape)[rows]
         start += item.measured.size
         if len(r) < 16:
             continue
