@@ -5,8 +5,9 @@ import pytest
 from fits import evidence, fit, judge, lost
 
 from vispeg.core.effect import EffectInstance
-from vispeg.diagnosis.conclusion.rivals import grown_from
+from vispeg.diagnosis.conclusion.rivals import _compare, _tried, grown_from
 from vispeg.diagnosis.findings import Gain, Score, Trial
+from vispeg.diagnosis.record import candidates
 from vispeg.diagnosis.selection import law
 from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.search import Search
@@ -71,6 +72,44 @@ def test_a_step_says_what_may_stand_in_the_place_of_its_effect_while_the_others_
     assert state.step_that_added(world.effects[0]) is None, "others came in later"
     state.world = world.without("joint_bias", "joint1")
     assert state.step_that_added(world.effects[2]) is None, "what it was tried beside went out again"
+
+
+def alone(*trials: Trial, beside: tuple[str, ...] = ()) -> State:
+    """The state of a search with the one step of these trials, and the first effect of its first trial."""
+    world = World().add(*(EffectInstance.of(name, "joint1") for name in (*beside, trials[0].score.placed.effect)))
+    return State(world, np.zeros((1, 1)), np.zeros(1), steps=[(trials[0], [*trials])])
+
+
+def test_rivals_of_a_single_effect_are_those_tried_in_its_place_in_the_present_world():
+    search, (placed,) = Search(evidence(), judge()), World().add(EffectInstance.of("payload", "joint1")).effects
+    best, other = trial(new="payload"), trial(new="cogging")
+    assert _tried(search, alone(best, other), placed, 1) == (best, [best, other])
+    assert _tried(search, alone(best), placed, 1) is None, "a load put together of links: nothing else was tried"
+    late, later = (trial("cable_spring", new=name) for name in ("payload", "cogging"))
+    assert _tried(search, alone(late, later), placed, 1) is None, "they were tried beside an alias that went out"
+    assert _tried(search, alone(other, best), placed, 1) is None, "another effect's step"
+    members = World().add(placed, EffectInstance.of("joint_bias", "joint1"))
+    group = Trial(Score(placed, 1.0, members.effects[1:]), fit(members), np.zeros((1, 1)), Gain(0.0, 0.0, 0.0))
+    assert _tried(search, alone(group, other), placed, 1) == (group, [group, other]), "all were tried from the start"
+
+
+def test_what_cannot_be_told_from_an_effect_is_recorded_as_such():
+    spread = np.random.default_rng(3).uniform(0.9, 1.1, 40)
+    names = "coulomb_friction", "viscous_friction", "cable_spring"
+    chosen, *others = (EffectInstance.of(name, "hinge") for name in names)
+    state = State(World().add(chosen), lost(spread), np.zeros(1))
+    losses = lost(spread * (1.0 + 1e-4)), lost(30.0 * spread)
+    trials = [
+        Trial(Score(e, 1.0), fit(World().add(e)), loss, judge().gain(lost(99.0 * spread), loss))
+        for e, loss in zip(others, losses, strict=True)
+    ]
+    rivals = _compare(Search(evidence(), judge()), state, chosen.label, trials, 99.0)
+    said = {row["effect"]: row["rejected_because"] for row in candidates(state, [rivals], 0)}
+    assert [t.score.placed.effect for t in rivals.equals] == ["viscous_friction"]
+    assert said == {
+        "viscous_friction": "indistinguishable from coulomb_friction(hinge)",
+        "cable_spring": "explains less than coulomb_friction(hinge)",
+    }
 
 
 @pytest.mark.parametrize(

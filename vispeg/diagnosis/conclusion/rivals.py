@@ -83,9 +83,8 @@ def _tried(search: Searching, state: State, placed: EffectInstance, count: int) 
     `count` is the number of accepted effects. If the model's form leaves correlated errors (`Evidence.alike`), rivals
     are tried anew, unless the search had one step only.
     """
-    if count == len(state.steps) == 1:
-        return state.steps[0]
-    return state.step_that_added(placed) if search.evidence.alike == 0 else None
+    single = count == len(state.steps) == 1
+    return state.step_that_added(placed, grouped=single) if single or search.evidence.alike == 0 else None
 
 
 def _goal(search: Searching, state: State) -> float | None:
@@ -191,7 +190,7 @@ def _compare(search: Searching, state: State, label: str, trials: list[Trial], w
 
     `without` is the held-out mean squared residual without the effect.
     """
-    others = [t for t in trials if not t.score.beside and t.score.placed.label != label]
+    others = [t.bare for t in trials if not t.score.beside and t.score.placed.label != label]
     equals = [
         t
         for t in others
@@ -201,4 +200,4 @@ def _compare(search: Searching, state: State, label: str, trials: list[Trial], w
         and not merely_richer(search.judge, t, state, label)
         and not grown_from(search.judge, t, state, label)
     ]
-    return Rivals(label, tuple(t.bare for t in equals), tuple(t.bare for t in others))
+    return Rivals(label, tuple(equals), tuple(others))

@@ -66,17 +66,18 @@ class State:
         stay = [self.world.effects[a.index].label not in gone for a in self.fit.space.axes]
         return self.fit.jacobian[:, stay]
 
-    def step_that_added(self, placed: EffectInstance) -> tuple[Trial, list[Trial]] | None:
+    def step_that_added(self, placed: EffectInstance, grouped: bool = False) -> tuple[Trial, list[Trial]] | None:
         """Return the step whose other candidates were tried in place of an effect: the last one that added it.
 
-        None if that step added it with others or in place of another, or if the other effects have changed since. Steps
-        without other candidates are skipped.
+        None if that step added it in place of another, or with others (unless `grouped`: the others are gone), or if
+        the effects beside the step's have changed since. Steps without other candidates are skipped.
         """
         beside = {e.label for e in self.world.effects} - {placed.label}
         for best, trials in self.steps[::-1]:
             if best.score.has(placed) and len(trials) > 1:
-                alone = best.score.count == 1 and not best.score.out
-                same = {e.label for e in best.fit.world.effects} - {placed.label} == beside
+                alone = (grouped or best.score.count == 1) and not best.score.out
+                added = {e.label for e in best.score.members}
+                same = {e.label for e in best.fit.world.effects} - added == beside
                 return (best, trials) if alone and same else None
         return None
 
