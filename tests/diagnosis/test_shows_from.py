@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fits
 import numpy as np
 import pytest
 from loops import ARM, drive, pendulum, recorded
@@ -11,7 +12,7 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.conclusion.least_sizes import REACH, Needs, Trace, between, least_coefficient
-from vispeg.diagnosis.conclusion.shows_from import STEP, Tried, needed, of_joints, shows_from
+from vispeg.diagnosis.conclusion.shows_from import STEP, Tried, _seen, needed, of_joints, shows_from
 from vispeg.diagnosis.evidence.localise import joint_data
 from vispeg.diagnosis.evidence.screen import candidates
 from vispeg.diagnosis.evidence.signatures import Probe, probes, signatures
@@ -139,7 +140,7 @@ def one_by_one(search: Search, state: State) -> dict[tuple[str, str, str], float
                 taken = np.linalg.lstsq(fit.jacobian, column)[0]
                 alone = Trace.of((held - moved) / scale - slopes @ taken, np.zeros((len(held), 0)), held, judge.blocks)
                 times = least_coefficient(seen, alone, needs)
-                while times < REACH[1] and not gains(search, state, column, times, len(effect(t.key[0]).params)):
+                while times < REACH[1] and not gains(search, state, rest[:, k], times, len(effect(t.key[0]).params)):
                     times *= STEP
             sizes[t.key] = max(sizes.get(t.key, 0.0), t.distance(times))
     return sizes
@@ -150,6 +151,22 @@ def gains(search: Search, state: State, column: np.ndarray, times: float, more: 
     before = state.residual + times * column
     n = max(2.0, search.evidence.count / (2.0 * correlation_time(search.evidence, before)))
     return n * np.log(before @ before / (state.residual @ state.residual)) > more * np.log(n)
+
+
+def test_what_fitted_parameters_imitate_is_not_worth_a_parameter():
+    """A trace that is nine tenths of a fitted derivative shows from the size at which its rest alone does."""
+    rng, n = np.random.default_rng(1), fits.evidence().length
+    valid = fits.evidence().items[0].valid.ravel()
+    derivative, rest, noise = (np.where(valid, v, 0.0) for v in rng.standard_normal((3, n)))
+    placed = EffectInstance.of("viscous_friction", "hinge", damping=1.0)
+    fit = fits.fit(World().add(placed), residual=noise, jacobian=derivative[:, None])
+    state, search = State(fit.world, fits.lost(1.0), noise, fit), Search(fits.evidence(), fits.judge())
+    tried = Tried(EffectInstance.of("coulomb_friction", "hinge", torque=1.0), "torque")
+    least = [
+        min(t for t in np.geomspace(0.01, 10.0, 400) if seen.worth_it(t))
+        for seen in _seen(search, state, [([tried], c[:, None]) for c in (0.1 * rest, derivative + 0.1 * rest)])
+    ]
+    assert least[1] == pytest.approx(least[0]) and 0.1 < least[0] < 5.0
 
 
 class Counting(Evidence):

@@ -200,7 +200,7 @@ def _seen(search: Searched, state: State, tried: Iterable[tuple[Sequence[Tried],
         taken = np.linalg.lstsq(upper, along, rcond=1e-9)[0]
         for k, t in enumerate(group):
             trace = Trace.of(own[:, k], np.delete(own, k, axis=1), residual, blocks)
-            yield _Seen(t, trace, taken[:, k], worth.test(columns[:, k], len(effect(t.placed.effect).params)))
+            yield _Seen(t, trace, taken[:, k], worth.test(own[:, k], len(effect(t.placed.effect).params)))
 
 
 def _held_out(search: Searched, state: State, shown: Sequence[tuple[_Seen, Needs, float]]) -> Iterator[Trace]:
