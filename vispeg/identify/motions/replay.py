@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from vispeg.core.errors import UserError
-from vispeg.identify.excitation import Motion
+from vispeg.identify.excitation import MOST_SAMPLES, Motion
 from vispeg.recordings.columns import columns_of
 from vispeg.recordings.tables.read import read_table
 from vispeg.robots.model import RobotModel
@@ -20,7 +20,8 @@ def replay(file: Path, robot: RobotModel, rate_hz: float) -> Motion:
     Columns: `time` (s), `q_cmd.<joint>` (rad), and `dq_cmd.<joint>` (rad/s; the spline's slope where absent).
 
     Raises:
-        UserError: a column is missing, time does not increase, a command is missing or outside the joint's range.
+        UserError: a column is missing, time does not increase, a command is missing or outside the joint's range, or
+            the motion is too long.
     """
     if not file.is_file():
         raise UserError("no such motion file", file=file)
@@ -44,7 +45,17 @@ def replay(file: Path, robot: RobotModel, rate_hz: float) -> Motion:
     rates = columns_of("dq_cmd", robot.joints)
     present = all(c in table.columns for c in rates)
     dq = np.stack([table.number(c) for c in rates], axis=1) if present else spline(time, 1)
-    grid = np.arange(int(np.floor(time[-1] * rate_hz + 1e-6)) + 1) / rate_hz
+    if not np.isfinite(dq).all():
+        raise UserError(
+            "empty cells", file=file, key="dq_cmd", expected="a number for each joint and sample, or no column"
+        )
+    count = int(np.floor(time[-1] * rate_hz + 1e-6)) + 1
+    if count > MOST_SAMPLES:
+        said = f"{time[-1]:g} s at {rate_hz:g} Hz"
+        raise UserError(
+            "too long a motion", file=file, key="time", expected=f"at most {MOST_SAMPLES} samples", got=said
+        )
+    grid = np.arange(count) / rate_hz
     if len(grid) == len(time) and np.all(np.abs(grid - time) < 1e-3 / rate_hz):
         return Motion(file.stem, grid, q, dq)
     return Motion(file.stem, grid, spline(grid), spline(grid, 1) if not present else CubicSpline(time, dq)(grid))
