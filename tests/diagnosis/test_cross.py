@@ -92,6 +92,7 @@ def test_false_discoveries_keep_their_rate():
     """Against the definition, and against Holm's first level where one candidate stands alone."""
     from scipy import stats
 
+    assert threshold([], 60) == np.inf, "nothing passes where nothing was tried"
     one = threshold([6.0, 0.1], 60)
     assert one == pytest.approx(stats.norm.isf(RULES.discoveries / 60))
     many = threshold([4.0, 4.0, 4.0, 0.0], 60)

@@ -120,8 +120,11 @@ def threshold(scores: Sequence[float], tested: int) -> float:
     """Return the standard normal score from which a trial passes at the false discovery rate `discoveries`.
 
     `scores` are those of the trials, the best of `tested` places; places that were not fitted count as tested too.
-    Source: Benjamini and Hochberg, Journal of the Royal Statistical Society B 57(1), 1995.
+    Without trials it is infinite. Source: Benjamini and Hochberg, Journal of the Royal Statistical Society B 57(1),
+    1995.
     """
+    if not len(scores):
+        return np.inf
     p = np.sort(stats.norm.sf(scores))
     levels = RULES.discoveries * np.arange(1, len(p) + 1) / max(tested, len(p), 1)
     passed = np.flatnonzero(p <= levels)
