@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from vispeg.channels.channel import CHANNELS, How
-from vispeg.channels.conduct import Said, conduct, joined
+from vispeg.channels.conduct import Said, conduct, joined, whole
 from vispeg.channels.joints import carrying
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
@@ -112,6 +112,25 @@ def test_a_channel_is_searched_again_with_what_a_later_one_named():
     found = asked.run()
     assert asked.asked[3:] == [("pictures", (HOLE.label,))]
     assert [e.label for e in found.world.effects] == [HOLE.label] and found.record["verdict"] == "identified"
+
+
+RUBS = EffectInstance.of("coulomb_friction", "joint4", torque=1.0)
+
+
+def test_a_partial_effect_that_its_channel_dropped_is_in_no_model_again():
+    """One channel or several leave the same; what a channel leaves out of its own part it has not dropped."""
+    model = ARM.add(OFFSET, *(replace(e, partial=True) for e in (FRICTION, RUBS)))
+    contact, joints = (CHANNELS[name] for name in ("contact", "joints"))
+    by_wrench = answer(contact.part(model).without(FRICTION.effect, FRICTION.where), (), "contact")
+    by_joints = answer(joints.part(model), (), "joints")
+    left = [OFFSET.label, RUBS.label]
+    assert [e.label for e in whole(by_wrench, contact, model).world.effects] == left
+    assert [e.label for e in joined([Said(contact, by_wrench, ())], model).world.effects] == left
+    assert [
+        e.label for e in joined([Said(joints, by_joints, ()), Said(contact, by_wrench, ())], model).world.effects
+    ] == left
+    found_elsewhere = Said(joints, answer(joints.part(model), (FRICTION,), "joints"), ())
+    assert FRICTION in joined([found_elsewhere, Said(contact, by_wrench, ())], model).world.effects
 
 
 def test_nobody_builds_on_what_is_not_certain():

@@ -138,8 +138,9 @@ def _alike(a: Sequence[EffectInstance], b: Sequence[EffectInstance]) -> bool:
 def joined(said: Sequence[Said], world: World) -> Diagnosis:
     """Join the channels' results in one record and one model; a channel's arrays have keys `channel/NAME/...`.
 
-    The verdict is the gravest one. An effect that several channels found has the values of the first. The ladder is of
-    the channel whose held-out error fell by the greatest factor.
+    The verdict is the gravest one. An effect that several channels found has the values of the first; one of `world`
+    that a channel refitted and dropped stays only if another found it. The ladder is of the channel whose held-out
+    error fell by the greatest factor.
     """
     added: dict[str, EffectInstance] = {}
     listed: list[Any] = []
@@ -171,7 +172,9 @@ def joined(said: Sequence[Said], world: World) -> Diagnosis:
         "by_channel": [_row(s) for s in said],
     }
     arrays = {f"channel/{s.channel.name}/{key}": v for s in said for key, v in s.diagnosis.arrays.items()}
-    return Diagnosis(cast("DiagnosisRecord", record), world.add(*added.values()), arrays)
+    dropped = {label for s in said for label in s.channel.part(world).values.keys() - s.diagnosis.world.values.keys()}
+    kept = world.only(lambda e: e.label not in dropped)
+    return Diagnosis(cast("DiagnosisRecord", record), kept.add(*added.values()), arrays)
 
 
 def _once(entries: Iterable[Any]) -> list[Any]:
