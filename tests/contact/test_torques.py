@@ -11,6 +11,7 @@ import pytest
 from vispeg.contact.run import evidence_of
 from vispeg.contact.selection.likely import intervals
 from vispeg.contact.selection.profile import places
+from vispeg.contact.torques import calm
 from vispeg.contact.touch import has_wrench, touches
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
@@ -22,7 +23,7 @@ from vispeg.recordings.noise import NOISE
 from vispeg.recordings.recording import Control, Recording
 from vispeg.recordings.regimes import FREE
 from vispeg.robots.tools import CELL
-from vispeg.sim.external import BLOCK, PRIOR, _steady, external, flange_jacobian, solved
+from vispeg.sim.external import BLOCK, PRIOR, External, _steady, external, flange_jacobian, solved
 from vispeg.sim.touch import touch
 from vispeg.task.belief import believed
 from vispeg.task.rig.motions import CellMotion, Place, press
@@ -82,6 +83,20 @@ def test_missing_readings_push_nothing_and_a_long_gap_is_left_open(column, press
     force = np.abs(holed.wrench - found.wrench)[:, :3]
     assert force[250:350].max() < 0.5 and np.nanmax(force) < 2.0, "N"
     np.testing.assert_allclose(holed.steady, found.steady, rtol=0.1)
+
+
+@pytest.mark.parametrize("zeros", [(0.0,), (0.0, 5.0), (3.0, -1.0, 2.0)])
+def test_the_noise_of_several_episodes_is_that_within_each(zeros):
+    """Each episode has its own zero (N), which is no noise."""
+    n, rng = 300, stream(5, "zeros")
+    time = np.tile(np.arange(n) / 500.0, len(zeros))
+    sigma = np.repeat([0.02, 0.001], 3)
+    wrench = np.repeat(zeros, n)[:, None] + sigma * rng.standard_normal((len(time), 6))
+    q = np.zeros((len(time), 7))
+    rec = Recording(Path("made"), "iiwa14", FOUND.scene.joints, 500.0, Control(), time, q, tau=q)
+    none = np.zeros((len(time), 6, 7)), np.zeros(7), np.zeros(7), np.zeros((len(time), 6, 6))
+    noise = calm(rec, External(wrench, *none)).noise
+    assert noise["ft"] == pytest.approx(0.02, rel=0.1) and noise["ft_torque"] == pytest.approx(0.001, rel=0.1)
 
 
 def test_what_a_straight_arm_does_not_see_is_said_and_as_unsure_as_any_wrench():

@@ -15,6 +15,7 @@ import numpy as np
 
 from vispeg.contact.touch import refuse_without_torques
 from vispeg.recordings.cell import WrenchSensor
+from vispeg.recordings.differentiate import episodes
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.sim.external import STILL, External, external
@@ -42,8 +43,10 @@ def estimated(rec: Recording, scene: Scene) -> tuple[Recording, External]:
 
 def calm(rec: Recording, estimate: External) -> Recording:
     """Return the wrench with its noise per sample, for detecting contact."""
-    still = estimate.wrench[rec.time <= rec.time[0] + STILL]
-    force, torque = (float(np.nanstd(still[:, part], axis=0).mean()) for part in (slice(0, 3), slice(3, 6)))
+    read = np.isfinite(estimate.wrench.sum(axis=1))
+    starts = [rows[(rec.time[rows] <= rec.time[rows[0]] + STILL) & read[rows]] for rows in episodes(rec.time)]
+    sigma = np.sqrt(np.mean([estimate.wrench[start].var(axis=0) for start in starts if len(start)], axis=0))
+    force, torque = (float(sigma[part].mean()) for part in (slice(0, 3), slice(3, 6)))
     return replace(rec, noise={**rec.noise, "ft": force, "ft_torque": torque})
 
 
