@@ -53,13 +53,13 @@ def tilted(seed, hidden):
     return record_cell(MODEL.add(*hidden), made, NOISE, stream(seed, "weighed"))
 
 
-def named(hidden):
-    """A search that has named what is hidden, and its state."""
-    evidence, held = (evidence_of([tilted(seed, hidden)]) for seed in (1, 2))
+def named(hidden, given=()):
+    """A search that was given some of what is hidden and has named the rest, and its state."""
+    evidence, held = (evidence_of([tilted(seed, (*given, *hidden))]) for seed in (1, 2))
     search = ContactSearch(evidence, Judge(held))
     evidence.absent = {("tool_com", "z"), ("tool_com", "y"), ("grip_pose", "x")}
-    (fit,) = search.fits([World().add(*hidden)], 0)
-    state = search.start(World(), 0)
+    (fit,) = search.fits([World().add(*given, *hidden)], len(given))
+    state = search.start(World().add(*given), len(given))
     state.take(fit, search.judge.losses([fit.world])[0])
     return search, state
 
@@ -75,6 +75,16 @@ def test_the_tools_mass_and_centre_do_as_well_in_the_parts_place(beside_it):
     by_name = {e.effect: e.params for e in alike}
     assert by_name["tool_mass"]["mass"].value == pytest.approx(mass, rel=0.2)
     assert by_name["tool_com"]["z"].value == pytest.approx(z, abs=3e-3)
+
+
+def test_a_centre_of_the_tool_that_was_given_stays_in_the_tool_that_does_as_well():
+    """The tool's centre moves along its axis from where the model had it, 10 mm aside."""
+    search, state = named((PART,), (EffectInstance.of("tool_com", "gripper", x=0.01),))
+    _, mass, centre = tool_instead(search, state, 1)
+    wanted, z = equivalent_tool(FOUND.scene, 1.8)
+    assert mass.params["mass"].value == pytest.approx(wanted, rel=0.2)
+    assert centre.params["z"].value == pytest.approx(z, abs=3e-3)
+    assert centre.params["x"].value == pytest.approx(0.01, abs=3e-3)
 
 
 def test_what_a_tool_of_its_own_mass_reads_is_not_called_the_parts():

@@ -32,7 +32,8 @@ def tool_instead(search: ContactSearch, state: State, n_fixed: int) -> tuple[Eff
     """Return the part's mass that a search added, followed by the tool's mass and centre that explain as much.
 
     Empty if the search did not add the part's mass, if the model has the tool's mass as well, or if the held-out
-    recordings distinguish the two explanations. The first `n_fixed` effects of the state's world were given.
+    recordings distinguish the two explanations. The first `n_fixed` effects of the state's world were given; a given
+    centre of the tool is fitted too, from its value.
     """
     added = {e.effect: e for e in state.world.effects[n_fixed:]}
     scene = search.evidence.items[0].source.scene
@@ -47,10 +48,10 @@ def tool_instead(search: ContactSearch, state: State, n_fixed: int) -> tuple[Eff
     absent = search.evidence.absent  # the tool's parameters are fitted here even if the search found them absent
     search.evidence.absent = {(name, k) for name, k in absent if name not in (TOOL_MASS, TOOL_CENTRE)}
     mass, z = equivalent_tool(scene, part.params["scale"].value)
-    world = world.add(EffectInstance.of(TOOL_MASS, where, mass=mass))
-    if TOOL_CENTRE not in added:
-        world = world.add(EffectInstance.of(TOOL_CENTRE, where, z=z))
-    (fit,) = search.fits([world], n_fixed)
+    centres = [e for e in world.effects if e.effect == TOOL_CENTRE] or [EffectInstance.of(TOOL_CENTRE, where, z=z)]
+    fixed = sum(e not in centres for e in world.effects[:n_fixed])
+    world = world.only(lambda e: e not in centres).add(EffectInstance.of(TOOL_MASS, where, mass=mass), *centres)
+    (fit,) = search.fits([world], fixed)
     search.evidence.absent = absent
     (loss,) = search.judge.losses([fit.world])
     if not equal(search.judge, loss, state.loss, neither, search.evidence.alike, remaining=True):
