@@ -101,6 +101,16 @@ def test_a_solved_home_holds_the_pose_within_limits_and_away_from_singularities(
         home_of(robot, (1.8, 0.0, 0.2), down)
 
 
+def test_a_joint_whose_range_lies_beyond_a_turn_is_solved_within_it(tmp_path):
+    """A turn more or less is the same posture: it holds the tool as the arm with the range about zero does."""
+    *inner, last = PANDA
+    far = load(write(tmp_path, "far", (*inner, (*last[:2], (3.5, 9.9), *last[3:]))), "meg50+peg16")
+    home = home_of(far, (0.6, 0.0, 0.265), (0.0, 1.0, 0.0, 0.0))
+    assert 3.5 < home[6] < 9.9
+    flange = nominal_of(far, 1).operational(home[None])[2]
+    np.testing.assert_allclose(flange[0], (0.6, 0.0, 0.265), atol=3e-3)
+
+
 def test_a_first_joint_close_to_the_table_keeps_no_arm_from_standing(tmp_path, monkeypatch):
     robot = arm(tmp_path, "panda")
     first = min(float(height) for height in robot.compile().body_pos[1:3, 2] if height > 0)

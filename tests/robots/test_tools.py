@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from vispeg.core.errors import UserError
+from vispeg.robots.declared import carried
 from vispeg.robots.model import load
 
 TOOL = {"mass_kg": 2.0, "com_m": [0.03, -0.02, 0.08], "inertia_kgm2": [0.004, 0.005, 0.006], "name": "camera rig"}
@@ -39,6 +40,12 @@ def test_stated_tool_adds_its_kinetic_and_potential_energy():
 def test_point_mass_is_a_tool():
     model = load("iiwa14", {"mass_kg": 1.0, "com_m": [0, 0, 0.1], "inertia_kgm2": [0, 0, 0]}).compile()
     assert model.body("tool").mass[0] == 1.0 and not model.body("tool").inertia.any()
+
+
+def test_a_tool_without_mass_carries_nothing():
+    tool = {"mass_kg": 0.0, "com_m": [0.01, 0.0, 0.1], "inertia_kgm2": [0.0, 0.0, 0.0]}
+    found = carried(load("iiwa14", tool).compile())
+    assert found == {**tool, "com_m": [0.0, 0.0, 0.0]}
 
 
 @pytest.mark.parametrize("tool", [None, "none"])

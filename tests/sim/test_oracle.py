@@ -172,6 +172,9 @@ def test_divergence_is_said_and_stays_in_its_row():
     assert pair.diverged.tolist() == [True, False]
     assert np.isnan(pair.q[0]).all()
     np.testing.assert_array_equal(pair.q[1], one(ROBOT, World(), s).q[0])
+    seen = simulate(ROBOT, [wild, World()], [s], want_ee=True)[0]
+    for values in (seen.ee, seen.true):
+        assert np.isnan(values[0]).all() and np.isfinite(values[1]).all()
 
 
 def test_what_comes_after_a_short_segment_does_not_count():

@@ -144,6 +144,7 @@ def test_its_code_is_in_the_worlds_hash(tmp_path, monkeypatch):
         ("pge", "no such task.*MODULE:CLASS.*'pge'.*'peg'"),
         ("no_such_module:Task", "no such task.*no_such_module"),
         ("snap_fit:Nothing", "no such task.*Nothing"),
+        (".snap_fit:SnapFit", "no such task.*PYTHONPATH"),
         ("snap_fit:SnapConfig", "not a task.*vispeg.task.contract.Task"),
         (3, "task.name: wrong type"),
     ],

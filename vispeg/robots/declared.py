@@ -34,7 +34,7 @@ class Carried(TypedDict):
 
 
 def carried(model: mujoco.MjModel) -> Carried:
-    """Return the load at the flange of a compiled arm that has a body `tool`."""
+    """Return the load at the flange of a compiled arm that has a body `tool`; without mass, it lies there."""
     root = model.body("tool").id
     parts = []
     for b in range(model.nbody):
@@ -46,7 +46,7 @@ def carried(model: mujoco.MjModel) -> Carried:
         at = model.body_ipos[b] + (0.0 if b == root else model.body_pos[b])
         parts.append((model.body_mass[b], at, turn @ np.diag(model.body_inertia[b]) @ turn.T))
     mass = float(sum(p[0] for p in parts))
-    com = np.sum([p[0] * p[1] for p in parts], axis=0) / mass
+    com = np.sum([p[0] * p[1] for p in parts], axis=0) / (mass or 1.0)  # no mass: its centre is the origin
     inertia = np.zeros((3, 3))
     for m, at, central in parts:
         d = at - com

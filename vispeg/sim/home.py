@@ -44,7 +44,8 @@ def _solved(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) 
     q, error = reach(nominal, np.tile(pos, (TRIES, 1)), np.tile(quat, (TRIES, 1)), starts, ITERATIONS)
     free = ~np.isfinite(robot.range[:, 0])
     wide = free | (robot.range[:, 1] - robot.range[:, 0] > 2 * TURN)
-    q[:, wide] = np.mod(q[:, wide] + TURN, 2 * TURN) - TURN
+    middle = 0.5 * (low + high)[wide]
+    q[:, wide] = middle + np.mod(q[:, wide] - middle + TURN, 2 * TURN) - TURN
     score = np.where(error < EXACT, _score(robot, q, nominal.operational(q)[1], np.array(pos)), 0.0)
     best = int(score.argmax())
     if score[best] <= 0.0:

@@ -182,10 +182,10 @@ class _Run:
         far = ~np.all(np.isfinite(q) & (np.abs(q) < ANGLE) & (np.abs(dq) < SPEED), axis=2)
         first = np.where(far.any(axis=1), far.argmax(axis=1), -1)
         at = np.where(bad, s.time[first], np.nan)
-        for values in (q, dq, joint, motor):
-            values[bad] = np.nan
         true = None if true_q is None else self._sampled(s, true_q[:, rows])
         ee = None if true is None else flange_pose(self.robot, true)
+        for values in (q, dq, joint, motor, *(v for v in (true, ee) if v is not None)):
+            values[bad] = np.nan
         return Response(q, dq, joint, motor, ee, bad, at, true)
 
     def _sampled(self, s: Segment, values: np.ndarray) -> np.ndarray:

@@ -7,8 +7,8 @@ in gymnasium. Naming it imports the module and so runs its code: only use world 
 from __future__ import annotations
 
 import hashlib
-import importlib
 import inspect
+import pkgutil
 from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import entry_points
@@ -40,7 +40,7 @@ def task(name: str) -> Task:
         expected = "a task's name, or MODULE:CLASS of one that Python can import"
         raise UserError("no such task", key="task.name", expected=expected, got=name, choices=offered)
     try:
-        target = getattr(importlib.import_module(module), attribute)
+        target = pkgutil.resolve_name(where)
     except (ImportError, AttributeError, SyntaxError, ValueError) as error:
         expected = "a module on PYTHONPATH or installed, and a class in it"
         raise UserError(f"no such task ({error})", key="task.name", expected=expected, got=name) from error

@@ -96,9 +96,7 @@ def _piece(run: Segment, first: int, ticks: int, steps: int) -> Segment:
 def paths(pieces: Pieces, worlds: Sequence[World], nthread: int = 1) -> np.ndarray:
     """Return flange positions (nworld, npiece, nstep, 3) m of simulated worlds; NaN where a rollout diverged."""
     responses = simulate(pieces.robot, worlds, pieces.segments, h_max=2e-3, nthread=nthread, want_ee=True)
-    out = np.stack([r.ee[:, :, :3] for r in responses if r.ee is not None], axis=1)
-    out[np.stack([r.diverged for r in responses], axis=1)] = np.nan
-    return out
+    return np.stack([r.ee[:, :, :3] for r in responses if r.ee is not None], axis=1)
 
 
 def cost(pieces: Pieces, simulated: np.ndarray) -> float:
