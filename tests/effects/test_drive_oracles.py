@@ -10,6 +10,7 @@ from loops import SWING, drive, hinge, one, pendulum
 
 from vispeg.core.effect import effect
 from vispeg.core.seeds import stream
+from vispeg.diagnosis.evidence.localise import JointData
 from vispeg.effects.common.delay import DelayLine
 from vispeg.sim.physics import EffectLoop
 from vispeg.sim.placement import activate
@@ -131,6 +132,15 @@ def test_encoder_quantization_rounds_to_its_grid():
     np.testing.assert_allclose(read / step, np.round(read / step), atol=1e-9)
     assert np.abs(read - true).max() <= 0.5 * step + 1e-12
     assert len(np.unique(read)) > 20
+
+
+@pytest.mark.parametrize("readings", [3, 40, 200, 256, 300, 2000])
+def test_a_step_under_noise_is_guessed_however_few_the_readings_are(readings):
+    """From a swing of 0.4 rad with 20 um of noise on a step of 1 mrad; of three readings nothing is guessed."""
+    swing = 0.2 * np.sin(np.linspace(0.0, 5.0, readings))
+    raw = np.round(swing / 1e-3) * 1e-3 + stream(4, "step").normal(0.0, 2e-5, readings)
+    guesses = effect("encoder_quantization").guesses(JointData(*[swing] * 6, raw))
+    assert [g["step"] for g in guesses] == pytest.approx([1e-3] if readings > 3 else [], rel=0.01)
 
 
 @pytest.mark.parametrize("step", [1e-5, 4e-5, 3e-4, 2e-3])

@@ -65,6 +65,8 @@ def _step_in_noise(readings: bytes, widest: float) -> float:
     raw = np.frombuffer(readings)
     low, high, best, width = 2e-5, widest, 0.0, 0.0
     for lag in (1, 4, 16, 64, 256):
+        if lag >= len(raw) // 2:
+            break
         moves = (raw[lag:] - raw[:-lag])[:: max(1, len(raw) // 1500)]
         inverse = np.linspace(1 / high, 1 / low, 2500) if not best else 1 / best + np.linspace(-1, 1, 400) * width
         phase = _clustered(moves, inverse)
