@@ -18,6 +18,7 @@ from vispeg.identify.pool import run_together
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Control
 from vispeg.robots.model import load
+from vispeg.sim.compiled import compiled
 from vispeg.worlds.world import World
 
 REGISTRY = searchable()  # what an arm alone can show
@@ -130,6 +131,23 @@ def test_dry_friction_is_against_the_motion(evidence):
         fast = np.abs(item.segment.dq[:, 2]) > 0.05
         expected = 1.5 * np.sign(item.segment.dq[fast, 2])
         np.testing.assert_allclose((y[1] - y[0])[fast, 2], expected, atol=1e-3)
+
+
+def test_load_friction_grows_with_the_torque_on_the_links_alone(evidence):
+    """What damping and the rotor take does not pass through the gear, as in the plant's `x.tau`."""
+    rubs = EffectInstance.of("load_friction", "joint3", coefficient=0.2, stiffness=1e6)
+    damped = World().add(
+        EffectInstance.of("viscous_friction", "joint3", damping=20.0),
+        EffectInstance.of("rotor_inertia", "joint3", inertia=1.0),
+    )
+    worlds = [World(), World().add(rubs), damped, damped.add(rubs)]
+    for item, y in zip(evidence.items, evidence.simulated(worlds), strict=True):
+        change = (y[1] - y[0])[:, 2]
+        np.testing.assert_allclose((y[3] - y[2])[:, 2], change, atol=1e-9)
+        fast, speed = np.abs(item.segment.dq[:, 2]) > 0.05, item.segment.dq[:, 2]
+        rotor = compiled(ROBOT).dof_armature[2] * accelerations(item)[:, 2]
+        expected = 0.2 * np.abs(y[0, :, 2] - rotor) * np.sign(speed)
+        np.testing.assert_allclose(change[fast], expected[fast], rtol=0.02, atol=1e-3)
 
 
 @pytest.mark.parametrize("name", sorted(n for n, e in REGISTRY.items() if "needed" in e.channels()))

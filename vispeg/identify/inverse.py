@@ -125,10 +125,10 @@ class TorqueEvidence(Evidence):
         for a in active:
             a.effect.write(fields, a.p)
         dof, joint, spring = fields.dofs, fields.joints, fields.qposes
-        inertia = fields["dof_armature"][0, dof] - compiled(robot).dof_armature[dof]
-        needed = self._links(i, world) + inertia * ddq + fields["dof_damping"][0, dof] * seg.dq
-        needed += fields["jnt_stiffness"][0, joint] * (seg.q - fields["qpos_spring"][0, spring])
-        x = DriveState(1e-3, 1e-3, seg.q, seg.dq, ddq, needed.copy(), np.ones_like(needed))
+        load = self._links(i, world) - compiled(robot).dof_armature[dof] * ddq
+        load += fields["jnt_stiffness"][0, joint] * (seg.q - fields["qpos_spring"][0, spring])
+        needed = load + fields["dof_armature"][0, dof] * ddq + fields["dof_damping"][0, dof] * seg.dq
+        x = DriveState(1e-3, 1e-3, seg.q, seg.dq, ddq, load, np.ones_like(needed))
         dry = np.broadcast_to(fields["dof_frictionloss"][0, dof], needed.shape).copy()
         loop = EffectLoop(active)
         return needed, loop.friction(x, dry), loop.along(x, seg.cache["path"], seg.cache["at"]), loop
