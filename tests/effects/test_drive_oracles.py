@@ -14,6 +14,7 @@ from vispeg.diagnosis.evidence.localise import JointData
 from vispeg.effects.common.delay import DelayLine
 from vispeg.sim.physics import EffectLoop
 from vispeg.sim.placement import activate
+from vispeg.sim.plant import Plant
 from vispeg.sim.state import DriveState
 from vispeg.worlds.world import World
 
@@ -132,6 +133,20 @@ def test_encoder_quantization_rounds_to_its_grid():
     np.testing.assert_allclose(read / step, np.round(read / step), atol=1e-9)
     assert np.abs(read - true).max() <= 0.5 * step + 1e-12
     assert len(np.unique(read)) > 20
+
+
+@pytest.mark.parametrize(
+    ("world", "shift"),
+    [
+        (hinge("encoder_quantization", step=1e-3), 0.0),
+        (hinge("encoder_offset", offset=0.03).add(*hinge("encoder_quantization", step=1e-3).effects), 0.03),
+    ],
+    ids=["rounded", "shifted and rounded"],
+)
+def test_an_arm_starts_where_its_encoders_stand_not_where_their_rounded_readings_would_be_right(world, shift):
+    plant, asked = Plant(FLOATING, [world], TICK, TICK, 1), np.array([[0.1004]])
+    plant.start(asked, np.zeros((1, 1)), np.zeros((1, 1)), np.ones((1, 1)))
+    np.testing.assert_allclose(plant.x.q, asked - shift, atol=1e-15)
 
 
 @pytest.mark.parametrize("readings", [3, 40, 200, 256, 300, 2000])

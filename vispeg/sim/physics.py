@@ -151,6 +151,14 @@ class EffectLoop:
             q, dq = a.effect.observe(self.states[a.effect.name], q, dq, x, a.p)
         return q, dq
 
+    def unrounded(self, x: DriveState) -> np.ndarray:
+        """Return the angle (nsim, nj) rad at which the encoders stand, before rounding, noise and delay."""
+        q, dq = x.q, x.dq
+        for a in self.inside:
+            if not a.effect.overrides("resolution"):
+                q, dq = a.effect.observe(self.states[a.effect.name], q, dq, x, a.p)
+        return q
+
     def feel(self, wrench: np.ndarray, x: DriveState) -> np.ndarray:
         """Return the wrist sensor's reading of a wrench (nsim, 6) N, N m; call once per control tick."""
         for a in self.wrists:

@@ -86,7 +86,7 @@ class Plant:
         return value[:, self.vadr]
 
     def start(self, q: np.ndarray, dq: np.ndarray, weight: np.ndarray, inertia: np.ndarray) -> None:
-        """Set the arms to the state at which their encoders read q (nsim, nj) rad and dq rad/s.
+        """Set the arms to the state at which their encoders stand at q (nsim, nj) rad and dq rad/s.
 
         Args:
             q, dq: measured motion at the first tick.
@@ -105,7 +105,7 @@ class Plant:
         self.x = DriveState(self.h, self.tick, q.copy(), dq.copy(), np.zeros_like(self.acc), weight.copy(), inertia)
         self.loop.begin(self.x)
         if self.loop.senses:  # the encoders, not the links, start at the measured angles
-            self.qpos[:, self.qadr] += q - self.measure()[0]
+            self.qpos[:, self.qadr] += q - self.loop.unrounded(self.x)
             self.x.q = self.qpos[:, self.qadr].copy()
             self.loop.begin(self.x)
 
