@@ -6,20 +6,21 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from vispeg.core.effect import EffectInstance
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.identify.calibrate import calibrate
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
-from vispeg.identify.loops.noise_motion import noise_motion, reading_noise, within_noise
+from vispeg.identify.loops.noise_motion import _begun, noise_motion, reading_noise, within_noise
 from vispeg.identify.record import centre_of, controller, record
 from vispeg.recordings.recording import Recording
 from vispeg.report.fitted import fit_record
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled
 from vispeg.sim.rollout import ReadingNoise, simulate
+from vispeg.worlds.places import values
 from vispeg.worlds.world import World
 
 NOISE = {"q": 2e-5, "dq": 1e-3, "tau": 0.2}
@@ -108,6 +109,17 @@ def test_a_coarse_encoder_makes_no_value_of_the_right_model_less_certain():
     _, world = fit_record(coarse, found, (1,), fitted, judged)
     assert world.effects[1].params["torque"] == found.fit.world.effects[1].params["torque"]
     assert world.effects[1].params["torque"].value == pytest.approx(2.0, rel=1e-3)
+
+
+def test_an_offset_of_all_joints_stays_where_a_draw_starts_elsewhere_within_a_step():
+    """The start is the true one less the offset, up to half a step, whichever entry the offset is in."""
+    steps = EffectInstance.of("encoder_quantization", "all", step=1e-3)
+    shared, own = (EffectInstance.of("encoder_offset", where, offset=0.05) for where in ("all", "joint2"))
+    item = Evidence([recorded("torque", World().add(steps, shared))]).items[0]
+    for entries, offset in (((shared,), 0.05), ((own,), [0.0, 0.05, *[0.0] * 5]), ((shared, own), 0.05)):
+        begun = _begun(item, World().add(steps, *entries), 0)
+        found = values(effect("encoder_offset"), [begun.effects], item.robot)["offset"][0]
+        assert 1e-6 < np.abs(found - offset).max() <= 0.5e-3
 
 
 def test_readings_are_as_noisy_as_their_encoders_steps_make_them():

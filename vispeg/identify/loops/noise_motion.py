@@ -18,6 +18,7 @@ from vispeg.identify.evidence import SOFT_STEP, Evidence
 from vispeg.recordings.noise import highpass_sigma, noise_of
 from vispeg.recordings.recording import Recording
 from vispeg.sim.rollout import ReadingNoise, simulate
+from vispeg.worlds import places
 from vispeg.worlds.world import World
 
 DRAWS = 16  # number of draws of the noise
@@ -91,19 +92,19 @@ def _begun(item: Item, world: World, draw: int) -> World:
     So the arm starts somewhere within the step that is read.
     """
     rng = stream(draw, "begun")
-    for joint in item.recording.joints:
+    offsets = places.values(effect("encoder_offset"), [world.effects], item.robot)["offset"][0]
+    for joint, zero in zip(item.robot.joints, offsets, strict=True):
         steps = [
             effect(e.effect).resolution({name: value.value for name, value in e.params.items()})
             for e in world.effects
             if e.where in (joint, "all")
         ]
         if width := max(steps, default=0.0):
-            offsets = [
-                e.params["offset"].value for e in world.effects if (e.effect, e.where) == ("encoder_offset", joint)
-            ]
-            offset = sum(offsets) + width * rng.uniform(-0.5, 0.5)
-            world = world.without("encoder_offset", joint) if offsets else world
-            world = world.add(EffectInstance.of("encoder_offset", joint, offset=offset))
+            offset = zero + width * rng.uniform(-0.5, 0.5)
+            # last, so that it counts beside one of all joints
+            world = world.without("encoder_offset", joint).add(
+                EffectInstance.of("encoder_offset", joint, offset=offset)
+            )
     return world
 
 
