@@ -10,11 +10,15 @@ from loops import drive, hinge, pendulum, recorded
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
+from vispeg.diagnosis.compare import compare
+from vispeg.identify.calibrate import calibrate
 from vispeg.identify.checkpoint import Trace
 from vispeg.identify.cmaes import minimise
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Chase, Race, fit_job
+from vispeg.identify.inverse import evidence_for
 from vispeg.identify.pool import run_together
+from vispeg.report.fitted import fit_record
 from vispeg.worlds.world import World
 
 ROBOT = pendulum()
@@ -57,6 +61,17 @@ def test_two_frictions_are_told_apart_and_recovered():
     assert result.converged and not result.at_bound and not result.weak
     assert result.cost == pytest.approx(0.75, abs=0.08)  # unit variance on the three quarters that are compared
     assert abs(result.correlation[0, 1]) > 0.3 and result.correlation[0, 0] == pytest.approx(1.0)
+
+
+def test_a_record_of_a_fit_has_the_error_that_a_comparison_of_its_model_has():
+    """Both are means over the readings that are compared, here half of them, however far the model is off."""
+    recordings = [recorded(ROBOT, ROBOT.source, TRUTH, motion(seconds=0.9), stream(5, "short"), h_max=1e-3)]
+    ev = evidence_for(recordings, h_max=1e-3)
+    assert ev.count < 0.6 * ev.length
+    found = calibrate(ev, hinge("viscous_friction", damping=0.1), [0], seed=0)
+    record, world = fit_record(START, found, [0], ev, None)
+    assert record["chi2"] > 100.0 and record["starts"][0]["chi2"] == record["chi2"]
+    assert record["chi2"] == pytest.approx(compare(world, recordings).record["chi2"], rel=1e-6)
 
 
 def test_the_start_is_one_of_the_points_that_iterations_limits():

@@ -45,7 +45,7 @@ class Fit:
         weak: labels of parameters (or directions) that the evidence does not determine.
         converged: whether the optimizer met its tolerance; also True where any further gain would lie within the
             residual's roughness (`Settled`).
-        cost: mean squared whitened residual.
+        cost: mean squared whitened residual over all entries; those not compared are 0.
     """
 
     world: World
