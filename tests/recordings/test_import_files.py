@@ -88,6 +88,33 @@ def test_an_archive(tmp_path):
     assert np.allclose(back.q, rec.q, atol=1e-13) and np.allclose(back.time, rec.time, atol=1e-13)
 
 
+def test_the_parts_of_an_array_add_up(tmp_path):
+    """As in a table: a stamp in two parts, angles and their offset. What names no whole array is refused."""
+    rec = recording(80)
+    ticks = np.round(1e9 * rec.time).astype(np.int64) + 1_700_000_000_900_000_000
+    stamp = {"sec": ticks // 10**9, "nsec": ticks % 10**9}
+    np.savez(
+        tmp_path / "run.npz", **stamp, p=np.rad2deg(rec.q - 0.3), o=np.full((80, 2), 0.3), tau=rec.tau, t1=rec.tau[:, 0]
+    )
+    lines = "time: {column: sec, plus: {column: nsec, unit: ns}}\nq: {column: p, unit: deg, plus: o}\n"
+    back = import_npz(tmp_path / "run.npz", "iiwa14", JOINTS, map_from(parse_yaml(lines, tmp_path), tmp_path, JOINTS))
+    assert np.allclose(back.time, rec.time, atol=1e-6) and np.allclose(back.q, rec.q, atol=1e-12)
+    mixed = map_from(parse_yaml(lines + "tau.joint1: t1\n", tmp_path), tmp_path / "map.yaml", JOINTS)
+    with pytest.raises(UserError, match="tau.joint1: names no whole array"):
+        import_npz(tmp_path / "run.npz", "iiwa14", JOINTS, mixed)
+    for plus, words in (("oo", "no such array"), ("sec", "wrong shape")):
+        bad = map_from(parse_yaml(lines.replace("plus: o", f"plus: {plus}"), tmp_path), tmp_path, JOINTS)
+        with pytest.raises(UserError, match=words):
+            import_npz(tmp_path / "run.npz", "iiwa14", JOINTS, bad)
+
+
+def test_an_archive_without_times_takes_the_stated_rate(tmp_path):
+    rec = recording(80, episode=np.arange(80) // 40)
+    np.savez(tmp_path / "run.npz", q=rec.q, episode=rec.episode)
+    back = import_npz(tmp_path / "run.npz", "iiwa14", JOINTS, ColumnMap(rate_hz=50.0))
+    assert np.allclose(back.time, np.tile(np.arange(40) / 50, 2)) and back.rate_hz == 50
+
+
 def save_npz(file, **arrays):
     time = np.arange(10) / 100
     np.savez(file, **({"time": time, "q": np.zeros((10, 2))} | arrays))

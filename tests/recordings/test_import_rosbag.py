@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,10 @@ from typed import convert as typed_convert
 
 from vispeg.api.recording.convert import convert
 from vispeg.core.errors import UserError
+from vispeg.formats.yaml_data import parse_yaml
 from vispeg.recordings.importers.bagfile import messages, open_bag
 from vispeg.recordings.importers.clock import hold, linear, poses
-from vispeg.recordings.importers.mapping import ColumnMap
+from vispeg.recordings.importers.mapping import ColumnMap, map_from
 from vispeg.recordings.importers.rosbag import Topics, import_rosbag
 from vispeg.recordings.load import load
 
@@ -133,6 +135,20 @@ def test_joints_under_other_names(tmp_path):
     assert np.array_equal(import_rosbag(path, "iiwa14", ("a",), mapping, topics).q[:, 0], made(30).q[:, 1])
     with pytest.raises(UserError, match="'elbow'.*choices: finger, joint1, joint2"):
         import_rosbag(path, "iiwa14", ("elbow",), topics=topics)
+
+
+def test_a_map_says_of_a_bag_what_it_can_say(tmp_path):
+    """Columns and rates of a map are refused, and a unit that cannot be true is no fault of the map."""
+    path, topics = bag(tmp_path / "run", "db3", made(30)), Topics(joints="/joint_states")
+    for line, key in (("q.joint1: {column: joint1, unit: deg}", "q.joint1"), ("time: {rate_hz: 100}", "time.rate_hz")):
+        mapping = map_from(parse_yaml(line, tmp_path), tmp_path / "map.yaml", JOINTS)
+        with pytest.raises(UserError, match=rf"map.yaml: {key}: is not used with a bag"):
+            import_rosbag(path, "iiwa14", JOINTS, mapping, topics)
+    rec = made(30)
+    degrees = bag(tmp_path / "degrees", "db3", replace(rec, q=2 + np.rad2deg(rec.q) % 4))
+    (tmp_path / "map.yaml").write_text("recording: {joints: [joint1, joint2]}")
+    with pytest.raises(UserError, match="degrees: .*the right unit in the bag"):
+        convert(degrees, "iiwa14", tmp_path / "rig", mapping=tmp_path / "map.yaml", topics=topics)
 
 
 def test_a_topic_is_chosen_only_where_there_is_one(tmp_path):

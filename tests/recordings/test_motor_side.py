@@ -105,7 +105,7 @@ def test_an_archive_of_motors(tmp_path, arm):
 
 
 def test_the_refusal_of_a_range_names_motors(tmp_path, arm):
-    with pytest.raises(UserError, match="motors: there if angles are the motors'"):
+    with pytest.raises(UserError, match="motors: in a map if angles are the motors'"):
         converted(tmp_path, arm, {"q": 8 * Q}, {})
 
 

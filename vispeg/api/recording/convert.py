@@ -108,8 +108,9 @@ def convert(
         if kinds:
             rec = _stated(rec, kinds, source)
         if not insist:
-            file = mapping if isinstance(mapping, Path) else source
-            stated = "a map" if mapping is None else "the map"
+            bag = is_bag(source)
+            file = mapping if isinstance(mapping, Path) and not bag else source
+            stated = "the bag" if bag else "a map" if mapping is None else "the map"
             refuse_units(rec, model, columns, file, stated, needs_of(load_for(rec.joints, robot), rec))
         read = [source, mapping if isinstance(mapping, Path) else None, *files]
         write(rec, Path(out).expanduser(), overwrite, table, inputs=read)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from vispeg.core.errors import UserError
 from vispeg.formats.arrays import read_arrays
 from vispeg.recordings.columns import SIGNALS, columns_of
 from vispeg.recordings.importers.build import build, joints_of, si
+from vispeg.recordings.importers.clock import counted
 from vispeg.recordings.importers.mapping import ColumnMap, Source
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.tables.table import MAX_BYTES
@@ -33,7 +34,8 @@ def import_npz(
         header: further keys of recording.yaml.
 
     Raises:
-        UserError: the file is damaged, an array has the wrong shape or kind, or the recording would not pass `load`.
+        UserError: the file is damaged, an array has the wrong shape or kind, the map names parts of arrays, or the
+            recording would not pass `load`.
     """
     mapping = mapping or ColumnMap()
     arrays = read_arrays(source, most=MAX_BYTES)
@@ -41,22 +43,39 @@ def import_npz(
     if named is not None and "joints" not in mapping.recording:
         joints = [str(name) for name in np.atleast_1d(named)]
     names = joints_of(joints, mapping)
+    whole = ("time", "episode", *SIGNALS, *mapping.own)
+    for target in mapping.columns:
+        if target not in whole:
+            raise UserError("names no whole array", file=mapping.file, key=target, choices=whole)
     columns: dict[str, np.ndarray] = {}
-    for target in ("time", "episode", *SIGNALS):
+    rows: int | None = None
+    for target in whole:
         origin = mapping.columns.get(target, Source(target))
-        if origin.name not in arrays:
-            if target in mapping.columns or target in ("time", "q"):
-                raise UserError("no such array", file=source, key=target, got=origin.name, choices=arrays)
+        needed = target in mapping.columns or target == "q" or (target == "time" and mapping.rate_hz is None)
+        if not needed and origin.name not in arrays:
             continue
-        values = _numbers(arrays[origin.name], origin.name, source)
         tails = [target] if target in ("time", "episode") else columns_of(target, names)
-        values = values.reshape(-1, 1) if values.ndim == 1 and len(tails) == 1 else values
-        rows = len(columns["time"]) if columns else len(values)
-        if values.shape != (rows, len(tails)):
-            shape = (rows, len(tails))
-            raise UserError("has the wrong shape", file=source, key=origin.name, expected=shape, got=values.shape)
-        columns |= dict(zip(tails, si(values, origin).T, strict=True))
+        values = _summed(arrays, origin, target, rows, len(tails), source)
+        rows = len(values)
+        columns |= dict(zip(tails, values.T, strict=True))
+    if mapping.rate_hz is not None:
+        columns["time"] = counted(columns.get("episode"), rows or 0) / mapping.rate_hz
     return build(columns, source, robot, joints, mapping, **header)
+
+
+def _summed(
+    arrays: Mapping[str, Any], origin: Source, target: str, rows: int | None, width: int, source: Path
+) -> np.ndarray:
+    """Return an array (rows, width) in SI units: the source's array plus the further arrays in the map's `plus`."""
+    if origin.name not in arrays:
+        raise UserError("no such array", file=source, key=target, got=origin.name, choices=arrays)
+    values = _numbers(arrays[origin.name], origin.name, source)
+    values = values.reshape(-1, 1) if values.ndim == 1 and width == 1 else values
+    shape = (len(values) if rows is None else rows, width)
+    if values.shape != shape:
+        raise UserError("has the wrong shape", file=source, key=origin.name, expected=shape, got=values.shape)
+    terms = (_summed(arrays, term, target, shape[0], width, source) for term in origin.plus)
+    return sum(terms, start=si(values, origin))
 
 
 def _numbers(array: np.ndarray, name: str, source: Path) -> np.ndarray:

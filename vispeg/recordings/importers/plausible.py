@@ -62,9 +62,8 @@ def _some(rec: Recording) -> tuple[Recording, np.ndarray]:
         return rec, inside
     starts = np.linspace(0, n - CHUNK, CHUNKS).astype(int)
     rows = np.concatenate([np.arange(start, start + CHUNK) for start in starts])
-    cut = {
-        name: value[rows] for name in ("time", "q", "dq", "tau", "q_cmd") if (value := getattr(rec, name)) is not None
-    }
+    names = ("time", "episode", "q", "dq", "tau", "q_cmd")
+    cut = {name: value[rows] for name in names if (value := getattr(rec, name)) is not None}
     return replace(rec, **cut), (np.diff(rows) == 1) & inside[np.minimum(rows[:-1], n - 2)]
 
 
@@ -144,7 +143,7 @@ def _torque(rec: Recording, limits: Limits, needs: Needs | None) -> Doubt | None
 
 def _times_needed(rec: Recording, tau: np.ndarray, needs: Needs) -> float | None:
     """Return the slope of torques (n, nj) over the model's torques; None if they are hardly correlated."""
-    motion = smooth(rec.time, rec.q, MOTION_HZ)
+    motion = smooth(rec.time, rec.q, MOTION_HZ, rec.episode)
     rows = np.flatnonzero(np.isfinite([*motion, tau]).all(axis=(0, 2)))
     rows = rows[:: max(1, len(rows) // POSTURES)]
     if len(rows) < 10:
@@ -166,7 +165,7 @@ def refuse_units(
         robot: the robot, whose limits bound what is plausible.
         mapping: the map that states the units.
         file: the file that the error names.
-        stated: where the user can correct the units, such as `the map`.
+        stated: where the user can correct the units: `the map`, or `the bag`, for which a map states none.
         needs: torques of the robot's model, as in `doubts`.
     """
     if not set(rec.joints) <= set(robot.joints):
@@ -178,6 +177,6 @@ def refuse_units(
         return
     likely = list(dict.fromkeys(doubt.likely for doubt in said if doubt.likely))
     unit = f" (likely {' or '.join(likely)})" if likely else ""
-    motors = ", motors: there if angles are the motors'" if "q" in said[0].key.replace(".", ", ").split(", ") else ""
+    motors = ", motors: in a map if angles are the motors'" if "q" in said[0].key.replace(".", ", ").split(", ") else ""
     expected = f"the right unit in {stated}{unit}{motors}, or --insist"
     raise UserError(f"a unit cannot be true: {said[0].said}", file=file, key=said[0].key, expected=expected)

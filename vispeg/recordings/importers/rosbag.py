@@ -71,9 +71,13 @@ def import_rosbag(
         header: further keys of recording.yaml.
 
     Raises:
-        UserError: no or several candidate topics, joints that no message names, or a damaged bag.
+        UserError: no or several candidate topics, joints that no message names, a damaged bag, or a map with columns
+            or a rate, which messages have themselves.
     """
     mapping = mapping or ColumnMap()
+    if mapping.columns or mapping.rate_hz is not None:
+        key, expected = next(iter(mapping.columns), "time.rate_hz"), "joints, motors and recording alone, and topics"
+        raise UserError("is not used with a bag", file=mapping.file or source, key=key, expected=expected)
     names = joints_of(joints, mapping)
     columns: dict[str, np.ndarray] = {}
     album, stated = None if scratch is None else Album(scratch), dict[str, RecordedCamera]()
