@@ -27,6 +27,7 @@ from vispeg.formats.typed import typed
 from vispeg.formats.yaml_data import read_yaml
 from vispeg.interface.builder import Picture
 from vispeg.interface.interface import Interface
+from vispeg.recordings.importers.camera_info import lens_of
 from vispeg.recordings.load_cell import wrench
 from vispeg.recordings.schema import Turn, Vec3, WrenchSection
 from vispeg.render.cameras.camera import Camera, rotation
@@ -41,7 +42,6 @@ SILENCE = 0.25  # s, longest time without a wrench, as in the run loop for joint
 BLIND = 0.5  # s, longest time without a picture; cameras are slower than joints
 APART = 0.005, np.deg2rad(2.0)  # m, rad: larger than the error of an arm's model at rest
 COLOURS, DEPTHS = ("rgb8", "bgr8"), {"16UC1": ("u2", 1e-3), "32FC1": ("f4", 1.0)}  # encoding -> type, m per unit
-LENS = 5  # number of coefficients of Brown's lens, OpenCV's `plumb_bob`
 
 TOPIC = r"~?/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*"
 Name = Annotated[str, Field(min_length=1)]
@@ -438,18 +438,8 @@ def camera_from(info: Any, eye: Camera, name: str, rectified: bool = False) -> C
     """Return the camera with the lens of a sensor_msgs/CameraInfo and the pose of the policy's camera `eye`.
 
     Raises:
-        UserError: not calibrated, a lens that is not Brown's, or binning or a region of interest.
+        UserError: as `lens_of`.
     """
-    if max(info.binning_x, info.binning_y) > 1 or (info.roi.width and info.roi.width != info.width):
-        raise UserError("binning or a region of interest", key=name, expected="the whole picture")
-    lens = [] if rectified else list(info.d)
-    if any(lens[LENS:]) or (any(lens) and info.distortion_model not in ("plumb_bob", "rational_polynomial")):
-        got = f"{info.distortion_model}, {len(lens)} numbers"
-        raise UserError("a lens that is not read", key=name, expected="plumb_bob", got=got)
-    k = (info.p[0], info.p[5], info.p[2], info.p[6]) if rectified else (info.k[0], info.k[4], info.k[2], info.k[5])
-    if not k[0] > 0:
-        raise UserError("a camera that is not calibrated", key=name, expected="focal lengths above 0", got=k[0])
-    fx, fy, cx, cy = map(float, k)
-    distortion = tuple(map(float, (lens + [0.0] * LENS)[:LENS]))
+    (fx, fy, cx, cy), distortion = lens_of(info, rectified, key=name)
     size = {"width": int(info.width), "height": int(info.height)}
     return eye.moved(**size, fx=fx, fy=fy, cx=cx, cy=cy, distortion=distortion)

@@ -11,6 +11,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.recordings.frames.camera import RecordedCamera
 from vispeg.recordings.importers.bagfile import messages, topics_of
+from vispeg.recordings.importers.camera_info import lens_of
 from vispeg.recordings.importers.pictures import DEPTH_UNIT, Album
 
 IMAGE, COMPRESSED, INFO = (f"sensor_msgs/msg/{name}" for name in ("Image", "CompressedImage", "CameraInfo"))
@@ -69,8 +70,8 @@ def read_images(
 ) -> dict[str, RecordedCamera]:
     """Read pictures into an album; return camera name -> camera for the cameras that have a CameraInfo message.
 
-    The cameras have no pose, as CameraInfo has none. Colour and depth of the same optical frame and size are pictures
-    of one camera.
+    The cameras have no pose, as CameraInfo has none. Pictures of `image_rect` topics have no distortion. Colour and
+    depth of the same optical frame and size are pictures of one camera.
 
     Args:
         reader: an open bag.
@@ -80,8 +81,7 @@ def read_images(
         source: the bag, named in error messages.
 
     Raises:
-        UserError: an unknown encoding, a picture that is cut short, a camera without focal length, or a distortion that
-            Brown's model with k1, k2, p1, p2 and k3 cannot express.
+        UserError: an unknown encoding, a picture that is cut short, or a camera that `lens_of` refuses.
     """
     cameras: dict[str, RecordedCamera] = {}
     names = _names(reader, topics, source)
@@ -93,7 +93,9 @@ def read_images(
             album.add(name, clock(stamp, at), image, unit=unit)
         info = _info(reader, topic, source)
         if info is not None and name not in cameras:
-            cameras[name] = _camera(name, info, source)
+            rectified = any(part.startswith("image_rect") for part in topic.split("/"))
+            numbers, brown = lens_of(info, rectified, file=source, key=f"camera '{name}'")
+            cameras[name] = RecordedCamera(name, int(info.width), int(info.height), *numbers, distortion=brown)
     return cameras
 
 
@@ -134,22 +136,6 @@ def _info(reader: Any, topic: str, source: Path) -> Any:
         if near in topics_of(reader, INFO):
             return next(messages(reader, near, INFO, source))[2]
     return None
-
-
-def _camera(name: str, info: Any, source: Path) -> RecordedCamera:
-    """Return the camera that a CameraInfo message describes. Raises UserError as `read_images`."""
-    K = np.asarray(getattr(info, "k", getattr(info, "K", None)), float).reshape(3, 3)
-    lens = np.asarray(getattr(info, "d", getattr(info, "D", ())), float).ravel()
-    model = str(info.distortion_model)
-    if np.any(lens) and (model not in ("plumb_bob", "rational_polynomial") or np.any(lens[5:])):
-        expected = "plumb_bob or rational_polynomial, no coefficient but k1, k2, p1, p2, k3"
-        message, got = f"camera '{name}' has a lens model that is not supported", f"{model}, {lens.tolist()}"
-        raise UserError(message, file=source, expected=expected, got=got)
-    if not (K[0, 0] > 0 and K[1, 1] > 0):
-        raise UserError(f"camera '{name}' is not calibrated: its CameraInfo states no focal length", file=source)
-    brown = tuple(np.pad(lens[:5], (0, max(0, 5 - len(lens)))).tolist())
-    numbers = int(info.width), int(info.height), K[0, 0], K[1, 1], K[0, 2], K[1, 2]
-    return RecordedCamera(name, *numbers[:2], *map(float, numbers[2:]), distortion=brown)
 
 
 def _raw(message: Any, source: Path, topic: str) -> tuple[np.ndarray, float]:
