@@ -62,7 +62,8 @@ def bag(path, kind, damaged="", lens=(0.1, -0.02, 1e-3, 2e-3, 0.0), focal=20.0):
     def info(at):
         K = np.array([focal, 0, 7.5, 0, 21.0, 5.5, 0, 0, 1])
         roi = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
-        rest = np.eye(3).ravel(), np.zeros(12), 0, 0, roi
+        P = np.array([0.9 * focal, 0, 7.0, 0, 0, 19.0, 5.0, 0, 0, 0, 1, 0])
+        rest = np.eye(3).ravel(), P, 0, 0, roi
         return types["sensor_msgs/msg/CameraInfo"](header(at), H, W, "plumb_bob", np.array(lens), K, *rest)
 
     with writer:
@@ -137,6 +138,8 @@ def test_pictures_of_a_bag(kind, tmp_path):
     camera = frames.cameras["wrist_color"]
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (20.0, 21.0, 7.5, 5.5) and camera.pose is None
     assert camera.distortion == (0.1, -0.02, 1e-3, 2e-3, 0.0)
+    camera = frames.cameras["wrist_depth"]  # of `image_rect_raw`: the distortion has been removed from the pictures
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == (18.0, 19.0, 7.0, 5.0) and not any(camera.distortion)
 
 
 ARM = """<mujoco><worldbody><body name="one"><joint name="joint1" axis="0 0 1" range="-3 3"/>
@@ -191,8 +194,11 @@ def test_a_camera_that_cannot_be_read_says_why(tmp_path):
     topics = Topics(images=("/wrist/color/image_raw",))
     for number, (stated, said) in enumerate(
         (
-            ({"lens": (0.1, 0.0, 0.0, 0.0, 0.0, 0.2)}, r"lens model.*no coefficient but.*plumb_bob, \[0.1, .*0.2\]"),
-            ({"focal": 0.0}, "not calibrated: its CameraInfo states no focal length"),
+            (
+                {"lens": (0.1, 0.0, 0.0, 0.0, 0.0, 0.2)},
+                r"wrist_color.*no coefficient but.*plumb_bob, \[0.1, .*0.2\]",
+            ),
+            ({"focal": 0.0}, "not calibrated; expected focal lengths above 0 in K of its CameraInfo"),
         )
     ):
         source = bag(tmp_path / f"run{number}", "mcap", **stated)
@@ -206,8 +212,11 @@ def test_cameras_are_named_after_their_namespace():
     assert camera_name("/image") == "image"
 
 
-def data_set(root, version, rate=20.0, episodes=(30, 20)):
-    """A LeRobot folder whose k-th frame is of the grey level 20 + 4 k within its episode (10 more in the second)."""
+def data_set(root, version, rate=20.0, episodes=(30, 20), first=0):
+    """A LeRobot folder whose k-th frame is of the grey level 20 + 4 k within its episode (10 more in the second).
+
+    Its table has the episodes from the number `first` on.
+    """
     av = pytest.importorskip("av")
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -248,8 +257,11 @@ def data_set(root, version, rate=20.0, episodes=(30, 20)):
     angle = 0.3 * np.sin(2 * time)
     rest = {f"q.{joint}": angle for joint in JOINTS}
     table = root / "data.parquet"
-    pq.write_table(pa.table({"time": time, "episode": number, **rest}), table)
+    pq.write_table(pa.table({"timestamp": time, "episode_index": first + number, **rest}), table)
     return table, levels
+
+
+MAP = "time: timestamp\nepisode: episode_index\nrecording: {joints: [joint1, joint2]}\n"
 
 
 @pytest.mark.parametrize("version", [2, 3])
@@ -259,7 +271,7 @@ def test_videos_of_a_data_set(version, tmp_path):
     save_cameras(tmp_path / "wrist.yaml", eye)
     out = tmp_path / "rig"
     arguments = ["--robot", "iiwa14", "--images", "wrist", "--cameras", str(tmp_path / "wrist.yaml"), "--insist"]
-    (tmp_path / "map.yaml").write_text("recording: {joints: [joint1, joint2]}\n")
+    (tmp_path / "map.yaml").write_text(MAP)
     code = main(["convert", str(table), *arguments, "--map", str(tmp_path / "map.yaml"), "--out", str(out)])
     assert code == 0
     frames = load(out).frames
@@ -281,3 +293,15 @@ def test_what_is_wrong_with_videos_is_said(tmp_path):
         import_video(table, rec, ("wrist",), {}, tmp_path)
     with pytest.raises(UserError, match="belongs to no LeRobot data set"):
         import_video(tmp_path / "x.parquet", rec, ("wrist",), {}, tmp_path)
+
+
+def test_videos_of_another_episode_are_refused(tmp_path):
+    """A table begins with episode 5, and a map names no episodes: those that the clock tells would be 0 and 1."""
+    table, _ = data_set(tmp_path / "set", 2, first=5)
+    (tmp_path / "map.yaml").write_text(MAP.replace("episode: episode_index\n", ""))
+    save_cameras(tmp_path / "wrist.yaml", Camera("wrist", 64, 48, 60.0, 60.0, 31.5, 23.5))
+    options = {"mapping": tmp_path / "map.yaml", "topics": Topics(images=("wrist",)), "insist": True}
+    options |= {"cameras": tmp_path / "wrist.yaml"}
+    with pytest.warns(UserWarning, match="stepped back"), pytest.raises(UserError, match="no such episode") as said:
+        convert(table, "iiwa14", tmp_path / "rig", **options)
+    assert "`episode: episode_index` in the map" in str(said.value) and not (tmp_path / "rig").exists()

@@ -14,6 +14,10 @@ from vispeg.api.compare import compare
 from vispeg.api.recording.convert import convert
 from vispeg.api.recording.guess import propose
 from vispeg.core.errors import UserError
+from vispeg.recordings.importers.mapping import map_from
+from vispeg.recordings.load import load
+from vispeg.recordings.tables.read import read_table
+from vispeg.recordings.tables.table import Dialect, Reading
 
 CASES = Path(os.environ.get("VISPEG_SHARED", Path(__file__).resolve().parents[3] / "shared")) / "cases"
 JOINTS = ("base_joint", "lift_joint", "elbow_joint", "roll_joint")
@@ -195,6 +199,33 @@ def test_a_clock_that_steps_back_is_cut_and_one_that_stands_is_refused(tmp_path,
         convert(tmp_path / "stands.csv", arm, tmp_path / "other", mapping=guessed.mapping)
 
 
+def test_what_precedes_a_step_back_keeps_the_files_episode(tmp_path, arm):
+    """Outcomes refer to the file's numbers: 5, 9 and 2, of which 9 is in two pieces, whose second gets a new number."""
+    number = np.repeat([5, 9, 2], [200, 400, N - 600])
+    back = TIME - np.where((np.arange(N) >= 300) & (np.arange(N) < 600), 0.2, 0.0)
+    file = table(tmp_path / "log.csv", PLAIN | {"time": back, "episode": number})
+    outcomes = [{"success": True, "episode": 9}, {"success": False, "episode": 2}]
+    mapping = {f"q.{joint}": f"q_{j}" for j, joint in enumerate(JOINTS)} | {"recording": {"outcome": outcomes}}
+    with pytest.warns(UserWarning, match="the clock stepped back"):
+        rec = convert(file, arm, tmp_path / "rig", mapping=map_from(mapping, file, JOINTS))
+    pieces = dict.fromkeys(rec.episode.tolist())
+    assert [(k, int(np.sum(rec.episode == k))) for k in pieces] == [(5, 200), (9, 100), (10, 300), (2, N - 600)]
+    assert [(o.episode, o.success) for o in load(tmp_path / "rig").outcomes] == [(9, True), (2, False)]
+
+
+def test_missing_commands_have_no_say_in_the_turn(tmp_path, arm):
+    """Readings and commands a turn above the range; of the commands the first half is missing."""
+    cmd = Q + 2 * np.pi
+    cmd[: N // 2 + 1] = np.nan
+    columns = {"time": TIME} | numbered("q", Q + 2 * np.pi) | numbered("c", cmd)
+    file = table(tmp_path / "log.csv", columns)
+    lines = {f"{s}.{joint}": f"{c}_{j}" for s, c in (("q", "q"), ("q_cmd", "c")) for j, joint in enumerate(JOINTS)}
+    with pytest.warns(UserWarning, match="whole turn"):
+        rec = convert(file, arm, tmp_path / "rig", mapping=map_from({"time": "time"} | lines, file, JOINTS))
+    np.testing.assert_allclose(rec.q, Q, atol=1e-9)
+    np.testing.assert_allclose(rec.q_cmd[N // 2 + 1 :], Q[N // 2 + 1 :], atol=1e-9)
+
+
 STORED = {"obs/qpos": Q, "obs/qvel": DQ, "obs/effort": TAU}
 
 
@@ -287,6 +318,23 @@ def test_arrays_and_folders_are_tables_too(name, tmp_path, arm):
     if name != "demos.hdf5":
         np.testing.assert_allclose(rec.time - rec.time[0], TIME, atol=1e-6)
     assert rec.rate_hz == RATE and (len(np.unique(rec.episode)) == 2 if name == "demos.hdf5" else rec.episode is None)
+
+
+def test_a_file_of_a_folder_without_samples_is_named(tmp_path, arm):
+    folder = signals(tmp_path / "signals")
+    head = (folder / "arm_effort.csv").read_text().splitlines()[0]
+    (folder / "arm_effort.csv").write_text(head + "\n")
+    with pytest.raises(UserError, match="arm_effort.csv: holds no samples"):
+        propose(folder, arm, "joint")
+
+
+def test_a_table_that_numpy_wrote_in_columns_of_equal_width(tmp_path):
+    """Every line begins with blanks, the first too, and there is no header."""
+    values = np.random.default_rng(0).normal(size=(5, 3))
+    np.savetxt(tmp_path / "log.txt", values, fmt="%10.3f")
+    read = read_table(tmp_path / "log.txt", Reading(dialect=Dialect(" ")))
+    assert read.names == ["1", "2", "3"] and read.rows == 5
+    np.testing.assert_allclose(np.column_stack([read.columns[name] for name in read.names]), values.round(3))
 
 
 def test_what_is_not_read_says_how_to_get_a_table(tmp_path, arm):

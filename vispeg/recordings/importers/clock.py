@@ -64,20 +64,20 @@ def counted(episode: np.ndarray | None, rows: int) -> np.ndarray:
 
 
 def _cut(columns: dict[str, np.ndarray], source: Path, rows: np.ndarray) -> dict[str, np.ndarray]:
-    """Start a new episode wherever the clock steps back within one."""
+    """Start a new episode wherever the clock steps back within one; what comes before keeps the file's number."""
     time = columns["time"]
-    inside = np.ones(len(time) - 1, bool) if "episode" not in columns else np.diff(columns["episode"]) == 0
+    episode = columns.get("episode", np.zeros(len(time)))
+    inside = np.diff(episode) == 0
     back = np.flatnonzero(inside & (np.diff(time) < 0))
     if not len(back):
         return columns
-    starts = np.zeros(len(time))
-    starts[back + 1] = 1
-    if "episode" in columns:
-        starts[1:][~inside] = 1
+    again, begins = np.zeros(len(time), bool), np.concatenate([[True], ~inside])
+    again[back + 1] = True
+    begin = np.maximum.accumulate(np.where(begins | again, np.arange(len(time)), 0))  # row at which the piece begins
     named = ", ".join(f"by {time[i] - time[i + 1]:.4g} s at row {rows[i + 1]}" for i in back[:NAMED])
     more = f" and {len(back) - NAMED} times more" if len(back) > NAMED else ""
     note(f"{source}: the clock stepped back {named}{more}: an episode ends there, and the next begins")
-    return columns | {"episode": np.cumsum(starts)}
+    return columns | {"episode": np.where(again[begin], episode.max() + np.cumsum(again), episode)}
 
 
 def _held(columns: dict[str, np.ndarray], source: Path) -> dict[str, np.ndarray]:

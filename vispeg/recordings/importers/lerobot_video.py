@@ -21,8 +21,10 @@ from vispeg.recordings.frames.frames import Frames
 from vispeg.recordings.importers.bagimages import EVERY
 from vispeg.recordings.importers.pictures import Album
 from vispeg.recordings.recording import Recording
+from vispeg.recordings.tables.read import parts, read_table
+from vispeg.recordings.tables.table import Reading
 
-PREFIX = "observation.images."
+PREFIX, EPISODE = "observation.images.", "episode_index"
 
 
 def root_of(table: Path) -> Path | None:
@@ -46,7 +48,8 @@ def import_video(
         scratch: folder for the pictures until the recording is written.
 
     Raises:
-        UserError: the table is in no data set, an unknown key, a missing or damaged video, or PyAV is not installed.
+        UserError: the table is in no data set, its episodes have other numbers than the recording's, an unknown key, a
+            missing or damaged video, or PyAV is not installed.
     """
     root = root_of(table)
     if root is None:
@@ -60,6 +63,7 @@ def import_video(
     keys = _keys(wanted, kinds, root)
     album = Album(scratch)
     episodes = rec.episode if rec.episode is not None else np.zeros(len(rec.time), np.int64)
+    _refuse_numbers(table, episodes)
     for key in keys:
         for episode in dict.fromkeys(episodes.tolist()):
             file, start = where(root, pattern, key, int(episode), chunk)
@@ -67,6 +71,16 @@ def import_video(
             for time, image in decoded(file, times, start):
                 album.add(key.removeprefix(PREFIX), time, image, int(episode))
     return album.frames(rec, cameras)
+
+
+def _refuse_numbers(table: Path, episodes: np.ndarray) -> None:
+    """Raise UserError if a sample's episode (n,) is none of the table's, so that its video would be another's."""
+    column = Reading(keep=lambda _: [EPISODE])
+    there = np.concatenate([read_table(file, column).number(EPISODE) for file in parts(table) or [table]])
+    strange = np.setdiff1d(episodes, there)
+    if len(strange):
+        expected, got = f"`episode: {EPISODE}` in the map, and a clock that does not step back", int(strange[0])
+        raise UserError("has no such episode", file=table, key="--images", expected=expected, got=got)
 
 
 def _keys(wanted: Sequence[str], kinds: Mapping[str, Any], root: Path) -> list[str]:

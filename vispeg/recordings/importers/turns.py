@@ -45,9 +45,9 @@ def turned(rec: Recording, limits: Limits, source: Path) -> Recording:
     q_cmd = rec.q_cmd
     if q_cmd is not None:
         straight, _ = straightened(q_cmd, np.full_like(limits.range, np.inf) * [-1, 1], rec.episode)
-        away = np.nan_to_num(np.round((straight - q) / TURN))
-        of_episode = _by_episode(away, rec.episode, lambda some: np.median(some, axis=0))
-        goal = straight - TURN * of_episode
+        away = np.ma.masked_invalid((straight - q) / TURN)
+        of_episode = _by_episode(away, rec.episode, lambda some: np.ma.filled(np.ma.median(some, axis=0), 0.0))
+        goal = straight - TURN * np.round(of_episode)
         moved = np.any(np.nan_to_num(goal - q_cmd), axis=0)
         q_cmd, changed = (goal if moved.any() else q_cmd), changed | moved
     if not changed.any():

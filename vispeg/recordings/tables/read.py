@@ -110,9 +110,14 @@ def _joined(folder: Path, tables: Sequence[Table]) -> dict[str, np.ndarray]:
 
     Measured values are interpolated linearly, commands are held until the next. Column names get the file's name as a
     prefix.
+
+    Raises:
+        UserError: a table without samples or without a time, or times that do not overlap.
     """
     clocks = []
     for table in tables:
+        if not table.rows:
+            raise UserError("holds no samples", file=table.file)
         named = [name for name in table.names if CLOCKS.search(name) and name in table.columns]
         if not named:
             raise UserError("has no column for the time", file=table.file, expected="one in every file that is joined")

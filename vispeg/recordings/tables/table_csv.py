@@ -143,6 +143,7 @@ class _Limited(io.RawIOBase):
                 return 0
             if not self._count:
                 data = data.removeprefix(b"\xef\xbb\xbf")
+                data = data.lstrip(b" \t") if self._blanks else data
             self._count += len(data)
             if self._count > MAX_BYTES:
                 raise UserError("is too large", file=self._file, expected=f"at most {MAX_BYTES} bytes unpacked")
