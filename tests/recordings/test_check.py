@@ -14,12 +14,16 @@ from typed import typed
 import vispeg
 from vispeg.core.assets import assets
 from vispeg.core.errors import UserError
+from vispeg.identify.drives import sent
 from vispeg.recordings.checks.check import check
 from vispeg.recordings.checks.excitation import PARAMETERS, excitation, regressor
+from vispeg.recordings.checks.missing import said
 from vispeg.recordings.checks.quality import Limits, quantization, saturated
 from vispeg.recordings.checks.spikes import spikes
 from vispeg.recordings.checks.timing import timing
+from vispeg.recordings.importers import fits
 from vispeg.recordings.noise import highpass_sigma, noise_from_repeats
+from vispeg.recordings.recording import Control
 from vispeg.recordings.write import write
 
 RATE = 500.0
@@ -69,6 +73,30 @@ def test_a_new_episode_is_no_gap():
     time = np.tile(np.arange(2500) / RATE, 2)
     clock = timing(moving(time=time, episode=np.repeat([0, 1], 2500)))
     assert (clock.gaps, clock.episodes) == ((), 2) and clock.duration_s == pytest.approx(2 * 2499 / RATE)
+
+
+def test_a_clock_that_runs_on_between_episodes_is_as_good_as_one_that_restarts():
+    """Postures 1 rad apart: there is no speed, torque or drive torque between them."""
+    n, rate, rng = 600, 100.0, np.random.default_rng(0)
+    time, number = np.arange(n) / rate, np.repeat([0, 1], n // 2)
+    ideal = np.stack([0.3 * np.sin(2 * time), 0.2 * np.cos(3 * time)], 1) + number[:, None]
+    q = ideal + rng.normal(scale=1e-5, size=ideal.shape)
+    q[n // 2 - 4 : n // 2 + 4, 1] = np.nan
+    changes = {"time": time, "q": q, "q_cmd": ideal, "dq_cmd": None, "tau": 10 * np.cos(ideal), "episode": number}
+    on = replace(moving(n, **changes), rate_hz=rate)
+    again = replace(on, time=np.tile(time[: n // 2], 2))
+    limits = Limits(np.full((2, 2), [-3.0, 3.0]), np.full(2, 2.0), np.full(2, 100.0))
+    one, two = (check(rec, limits) for rec in (on, again))
+    assert one.warnings == two.warnings and max(joint.excitation.peak_speed for joint in one.joints) < 0.7
+    for a, b in zip(one.joints, two.joints, strict=True):
+        assert a.excitation.peak_speed == pytest.approx(b.excitation.peak_speed, rel=1e-6)
+    for a, b in zip(fits.motion_of(on, n)[0], fits.motion_of(again, n)[0], strict=True):
+        assert np.allclose(a, b, atol=1e-6)
+    assert [line.partition("(")[0] for line in said(on)] == [line.partition("(")[0] for line in said(again)]
+    assert "at most 4 in a row, from 2.96 s on" in said(on)[0]
+    control = Control("position", rate, "none", np.full(2, 50.0), np.full(2, 5.0))
+    one, two = (sent(replace(rec, control=control), None) for rec in (on, again))
+    assert np.allclose(one, two, atol=1e-4, equal_nan=True) and np.nanmax(np.abs(one)) < 5
 
 
 def test_missing_held_and_zeroed_readings():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.differentiate import bridged, smooth
 
 RATE = 500.0
 
@@ -67,9 +67,14 @@ def test_short_gaps_are_bridged_and_long_ones_stay():
 def test_episodes_do_not_see_each_other():
     time = np.arange(0, 2, 1 / RATE)
     a, b = sine(time, 1.0)[0][:, None], 3.0 + sine(time, 0.4)[0][:, None]
-    both = smooth(np.tile(time, 2), np.vstack([a, b]), 20.0)
-    for got, one, two in zip(both, smooth(time, a, 20.0), smooth(time, b, 20.0), strict=True):
-        assert np.array_equal(got, np.vstack([one, two]))
+    both, number = np.vstack([a, b]), np.repeat([0, 1], len(time))
+    parted = smooth(np.tile(time, 2), both, 20.0)
+    on = smooth(np.arange(2 * len(time)) / RATE, both, 20.0, number)  # the clock runs on: the number tells them apart
+    for got, other, one, two in zip(parted, on, smooth(time, a, 20.0), smooth(time, b, 20.0), strict=True):
+        assert np.array_equal(got, np.vstack([one, two])) and np.allclose(other, got, atol=1e-6)
+    both[len(time) - 5 : len(time) + 5] = np.nan
+    filled = bridged(np.arange(2 * len(time)) / RATE, both, number)
+    assert np.array_equal(filled, bridged(np.tile(time, 2), both))
 
 
 def test_the_callers_arrays_are_left_alone():

@@ -91,7 +91,9 @@ def touching(rec: Recording) -> Touching:
         rec, torques = estimated(rec, cell.scene)
         return Touching(rec, cell.scene, torques.wrench, cell.world, torques)
     sensor = rec.wrench or WrenchSensor()
-    turn = Rotation.from_quat(flange_pose(cell.scene.nominal, bridged(rec.time, rec.q))[:, 3:], scalar_first=True)
+    turn = Rotation.from_quat(
+        flange_pose(cell.scene.nominal, bridged(rec.time, rec.q, rec.episode))[:, 3:], scalar_first=True
+    )
     wrench = canonical(rec.ft, sensor, turn.as_matrix())
     if sensor.tared == "weight":
         wrench = wrench + _weight(cell.scene, turn)

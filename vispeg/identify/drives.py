@@ -45,7 +45,7 @@ def sent(rec: Recording, robot: RobotModel) -> np.ndarray | None:
         tau = rec.tau_cmd
     elif c.mode == "position" and rec.q_cmd is not None and c.kp is not None and c.kd is not None:
         goal = np.zeros_like(rec.q) if rec.dq_cmd is None else rec.dq_cmd
-        speed = smooth(rec.time, rec.q, SPEED_HZ)[1] if rec.dq is None else rec.dq
+        speed = smooth(rec.time, rec.q, SPEED_HZ, rec.episode)[1] if rec.dq is None else rec.dq
         tau = position(rec.q_cmd, goal, rec.q, speed, c.kp, c.kd)
     elif c.mode == "osc" and rec.ee_cmd is not None:
         tau = as_asked(rec, robot).tau_cmd
@@ -82,7 +82,7 @@ def with_drive_torque(rec: Recording) -> Recording | None:
     out = replace(rec, control=Control("unknown", rec.rate_hz), torque_sensor=sensor)
     if not long_runs(out):
         return None  # too short: filter transients cover all of it
-    return replace(out, tau=smooth(rec.time, tau, MOTION_HZ)[0])
+    return replace(out, tau=smooth(rec.time, tau, MOTION_HZ, rec.episode)[0])
 
 
 @dataclass(frozen=True)

@@ -16,24 +16,27 @@ FINER = 4  # the finest even grid, as a multiple of the mean rate
 SPLINE = 200  # samples over which the influence of a spline's end decays
 
 
-def smooth(time: np.ndarray, q: np.ndarray, cutoff_hz: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def smooth(
+    time: np.ndarray, q: np.ndarray, cutoff_hz: float, episode: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Low-pass q without phase shift, and return it with its first two derivatives.
 
     Samples are filtered by a Butterworth low-pass run forwards and backwards over an odd extension of either edge, then
-    a quintic spline through the result is differentiated. Where `time` steps back a new episode begins, and no filter
-    runs across it. Missing readings of up to 20 ms are bridged by a spline; longer gaps split the signal and stay NaN.
+    a quintic spline through the result is differentiated. No filter runs across the border of two episodes. Missing
+    readings of up to 20 ms are bridged by a spline; longer gaps split the signal and stay NaN.
 
     Args:
         time: (n,) s, increasing within an episode; need not be even.
         q: (n, nj) rad, NaN where missing.
         cutoff_hz: -3 dB (both passes together: -6 dB) frequency; at or above 0.45 of the sample rate nothing is cut.
+        episode: as in `episodes`.
 
     Returns:
         q (rad), dq (rad/s), ddq (rad/s^2), each (n, nj); derivatives are NaN where two readings do not exist.
     """
     time, q = np.asarray(time, float), np.asarray(q, float)
     out = tuple(np.full(q.shape, np.nan) for _ in range(3))
-    for rows in episodes(time):
+    for rows in episodes(time, episode):
         for columns in _alike(np.isfinite(q[rows])):
             good = rows[np.isfinite(q[rows, columns[0]])]
             for run in _runs(time, good):
@@ -45,13 +48,13 @@ def smooth(time: np.ndarray, q: np.ndarray, cutoff_hz: float) -> tuple[np.ndarra
     return out[0], out[1], out[2]
 
 
-def bridged(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Interpolate missing values (n, k) at times (n,) s linearly, each episode by itself.
+def bridged(time: np.ndarray, values: np.ndarray, episode: np.ndarray | None = None) -> np.ndarray:
+    """Interpolate missing values (n, k) at times (n,) s linearly, each of the `episodes` by itself.
 
     A column without any reading in an episode stays NaN there.
     """
     out = np.array(values, float)
-    for rows in episodes(time) if not np.isfinite(out).all() else ():
+    for rows in episodes(time, episode) if not np.isfinite(out).all() else ():
         for k in range(out.shape[1]):
             bad = ~np.isfinite(out[rows, k])
             if bad.any() and not bad.all():
@@ -59,9 +62,15 @@ def bridged(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     return out
 
 
-def episodes(time: np.ndarray) -> list[np.ndarray]:
-    """Return the row numbers of each stretch over which `time` (n,) increases."""
-    return [rows for rows in np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) <= 0) + 1) if len(rows)]
+def episodes(time: np.ndarray, episode: np.ndarray | None = None) -> list[np.ndarray]:
+    """Return the row numbers of each stretch over which `time` (n,) increases and `episode` (n,) stays the same.
+
+    Without `episode`, as time may go on from one to the next, episodes are separated only where time steps back.
+    """
+    new = np.diff(time) <= 0
+    if episode is not None:
+        new |= np.diff(episode) != 0
+    return [rows for rows in np.split(np.arange(len(time)), np.flatnonzero(new) + 1) if len(rows)]
 
 
 def _blocks(

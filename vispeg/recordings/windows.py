@@ -43,7 +43,7 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
     Returns:
         The recording with its windows as episodes, each in its own time, and `chosen` set; `rec` where it is short.
     """
-    runs = episodes(rec.time) if rec.episode is None else _runs(rec.episode)
+    runs = episodes(rec.time, rec.episode)
     length = float(sum(rec.time[rows[-1]] - rec.time[rows[0]] for rows in runs))
     if not 0 < seconds < length - LENGTH:
         return rec
@@ -118,10 +118,6 @@ def taken(rec: Recording, parts: Sequence[tuple[int, int]]) -> Recording:
     return replace(rec.some(rows), episode=number, frames=pictures, outcomes=tuple(outcomes))
 
 
-def _runs(episode: np.ndarray) -> list[np.ndarray]:
-    return np.split(np.arange(len(episode)), np.flatnonzero(np.diff(episode) != 0) + 1)
-
-
 def _cells(
     rec: Recording, runs: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, list[tuple[int, int]], np.ndarray]:
@@ -134,11 +130,7 @@ def _cells(
     every = max(1, round(rec.rate_hz / LOOK_HZ))
     rows = np.concatenate([run[::every] for run in runs])
     episode = np.concatenate([np.full(len(run[::every]), k) for k, run in enumerate(runs)])
-    motion = [np.full((len(rows), rec.q.shape[1]), np.nan) for _ in range(3)]
-    for k in range(len(runs)):  # time need not restart in a new episode
-        inside = episode == k
-        for signal, part in zip(motion, smooth(rec.time[rows[inside]], rec.q[rows[inside]], MOTION_HZ), strict=True):
-            signal[inside] = part
+    motion = smooth(rec.time[rows], rec.q[rows], MOTION_HZ, episode)
     effort = rec.tau if rec.tau is not None else rec.tau_cmd
     load = motion[0] if effort is None else np.nan_to_num(effort[rows])
     dq, ddq = motion[1], motion[2]

@@ -79,14 +79,16 @@ def external(rec: Recording, arm: RobotModel) -> External:
         arm: nominal arm with its declared tool, which is excluded from the torques that the links need.
     """
     assert rec.tau is not None
-    q, dq, ddq = (np.nan_to_num(v) for v in smooth(rec.time, bridged(rec.time, rec.q), MOTION_HZ))
+    q, dq, ddq = (
+        np.nan_to_num(v) for v in smooth(rec.time, bridged(rec.time, rec.q, rec.episode), MOTION_HZ, rec.episode)
+    )
     residual = rec.tau - needed(arm, q, dq, ddq)
     residual[np.isnan(rec.q).any(axis=1)] = np.nan  # the motion is only interpolated there
     jac = flange_jacobian(arm, q)
     white = _white(rec)
-    steady = _steady(rec, np.nan_to_num(bridged(rec.time, residual)), jac, white)
+    steady = _steady(rec, np.nan_to_num(bridged(rec.time, residual, rec.episode)), jac, white)
     gain, blind = solved(jac, np.sqrt(white**2 + steady**2))
-    wrench = np.einsum("nij,nj->ni", gain, smooth(rec.time, residual, WRENCH_HZ)[0])
+    wrench = np.einsum("nij,nj->ni", gain, smooth(rec.time, residual, WRENCH_HZ, rec.episode)[0])
     return External(wrench, gain, white, steady, blind)
 
 

@@ -79,7 +79,7 @@ def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = Non
         return None
     scene = robot if isinstance(robot, Scene) and robot.goal else None
     arm = robot.nominal if isinstance(robot, Scene) else robot
-    q, dq, ddq = smooth(rec.time, bridged(rec.time, rec.q), MOTION_HZ)
+    q, dq, ddq = smooth(rec.time, bridged(rec.time, rec.q, rec.episode), MOTION_HZ, rec.episode)
     pos, quat, twist, rate = _flange(arm, *(np.nan_to_num(v) for v in (q, dq, ddq)))
     axes = np.stack([rotated(quat, np.tile(e, (len(quat), 1))) for e in np.eye(3)], axis=2)  # (n, 3, 3) flange to base
     wrench = canonical(rec.ft, rec.wrench or WrenchSensor(), axes)
@@ -88,7 +88,7 @@ def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = Non
     needed = _needed(_tool(arm), axes, twist[:, 3:], rate, np.zeros(3) if weighed else weight)
     residual = needed - np.concatenate([rotated(quat, wrench[:, :3]), rotated(quat, wrench[:, 3:])], axis=1)
     residual[np.isnan(rec.q).any(axis=1)] = np.nan  # the motion is only interpolated there
-    contact = _zeroed(rec, bridged(rec.time, residual), axes)  # a missing reading does not end a touch
+    contact = _zeroed(rec, bridged(rec.time, residual, rec.episode), axes)  # a missing reading does not end a touch
     lever = np.array([0.0, 0.0, scene.tip]) if scene else np.zeros(3)
     tip = pos + axes @ lever
     velocity = twist[:, :3] + np.cross(twist[:, 3:], axes @ lever)
@@ -103,7 +103,7 @@ def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = Non
     force, regime = np.linalg.norm(contact[:, :3], axis=1), np.zeros(len(tip), int)
     unit = _surface(contact[:, :3])
     along = velocity - np.sum(velocity * unit, axis=1, keepdims=True) * unit
-    for rows in episodes(rec.time):
+    for rows in episodes(rec.time, rec.episode):
         deep = None if inside is None else inside[rows]
         speeds = np.linalg.norm(along[rows], axis=1), np.linalg.norm(velocity[rows], axis=1)
         regime[rows] = regimes(rec.time[rows], force[rows], *speeds, deep, th)

@@ -71,7 +71,7 @@ def _asked(rec: Recording, robot: RobotModel, q: np.ndarray) -> np.ndarray:
     """Return the torques (n, nj) N m that the OSC law (docs/formats.md) commands at readings q, without gravity."""
     c, n = rec.control, len(q)
     assert rec.ee_cmd is not None and c.kp is not None and c.kd is not None
-    dq = np.nan_to_num(smooth(rec.time, q, MOTION_HZ)[1] if rec.dq is None else rec.dq)
+    dq = np.nan_to_num(smooth(rec.time, q, MOTION_HZ, rec.episode)[1] if rec.dq is None else rec.dq)
     pull = None if c.nullspace is None else c.nullspace.kp * (c.nullspace.q - q) - c.nullspace.kd * dq
     parts = [q[start : start + ROWS] for start in range(0, n, ROWS)]
     operational = [nominal_of(robot, len(part)).operational(part) for part in parts]

@@ -62,7 +62,7 @@ class JointCheck:
 def smoothed(rec: Recording, j: int, clock: Timing, bad: tuple[Spike, ...]) -> tuple[np.ndarray, ...]:
     """Return smoothed angle, speed and acceleration (n,) of one joint, without its bad readings."""
     cutoff = min(SMOOTHING_HZ, 0.2 * clock.rate_hz)
-    return tuple(part[:, 0] for part in smooth(rec.time, without(rec.q[:, j], bad)[:, None], cutoff))
+    return tuple(part[:, 0] for part in smooth(rec.time, without(rec.q[:, j], bad)[:, None], cutoff, rec.episode))
 
 
 def joint_check(rec: Recording, j: int, clock: Timing, limits: Limits | None = None) -> JointCheck:

@@ -67,7 +67,7 @@ def _of(rec: Recording, name: str) -> str:
         return ""
     lost = np.isnan(values)
     j = int(np.argmax(lost.mean(axis=0)))
-    spans = [(rows[0], *longest(lost[rows, j])) for rows in episodes(rec.time)]
+    spans = [(rows[0], *longest(lost[rows, j])) for rows in episodes(rec.time, rec.episode)]
     start, first, stop = max(spans, key=lambda span: span[2] - span[1])
     first, last = start + first, start + stop - 1
     where = f"at most {last - first + 1} in a row, from {rec.time[first]:.6g} s on"

@@ -170,7 +170,7 @@ def motion_of(rec: Recording, most: int) -> tuple[tuple[np.ndarray, np.ndarray, 
     """Return smoothed motion and torque (n, nj) at up to `most` samples at which all of them are known."""
     if rec.tau is None:
         return None
-    motion = smooth(rec.time, rec.q, MOTION_HZ)
+    motion = smooth(rec.time, rec.q, MOTION_HZ, rec.episode)
     rows = np.flatnonzero(np.isfinite([*motion, rec.tau]).all(axis=(0, 2)))
     if len(rows) < 20:
         return None
