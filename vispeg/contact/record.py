@@ -128,7 +128,7 @@ def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str
     seconds, name = item.segment.time[worst[2]], NAMES[item.phase.code[worst[2]]]
     out["worst/moment"] = np.array(f"{item.name} at {seconds:.1f} s, {name}")
     rec, row = item.recording, item.segment.rows[worst[2]]
-    out["worst/recording"], out["worst/q"] = np.array(item.name), bridged(rec.time, rec.q)[row]
+    out["worst/recording"], out["worst/q"] = np.array(item.name), bridged(rec.time, rec.q, rec.episode)[row]
     return out
 
 

@@ -45,7 +45,7 @@ def at_rest(paths: Sequence[Path]) -> Readings:
             what, expected = "the robot has subtracted the tool's weight", "readings that contain it: false or true"
             raise UserError(what, file=path / "recording.yaml", key="wrench.tared", expected=expected, got="weight")
         length = max(2, round(REST * rec.rate_hz))
-        rests = _rests(bridged(rec.time, rec.q), length)
+        rests = _rests(bridged(rec.time, rec.q, rec.episode), length)
         if not rests:
             raise UserError(f"never rests for {REST:g} s", file=path, expected="an attitude that is held")
         for rows in rests:
@@ -133,7 +133,7 @@ def _opened(path: Path) -> tuple[Recording, np.ndarray, np.ndarray, Rotation]:
         rec, ft, pose = rec.some(known), ft[known], rec.ee[known]
     else:
         rec, robot = with_robot(rec)
-        pose = flange_pose(robot, bridged(rec.time, rec.q))
+        pose = flange_pose(robot, bridged(rec.time, rec.q, rec.episode))
     turn = Rotation.from_quat(pose[:, 3:], scalar_first=True)
     return rec, canonical(ft, rec.wrench or WrenchSensor(), turn.as_matrix()), pose[:, :3], turn
 

@@ -139,5 +139,5 @@ def _felt(force: np.ndarray, rate: float, before: int, threshold: float) -> np.n
 def _started(rec: Recording, begin: int, end: int, at: int) -> tuple[np.ndarray, np.ndarray]:
     """Return angles and rates (nj,) at row `at` of a parabola fitted to the rows `begin` to `end` of free air."""
     time = rec.time[begin:end] - rec.time[at]
-    curve = np.polynomial.polynomial.polyfit(time, bridged(rec.time, rec.q)[begin:end], 2)
+    curve = np.polynomial.polynomial.polyfit(time, bridged(rec.time, rec.q, rec.episode)[begin:end], 2)
     return curve[0], curve[1]
