@@ -22,6 +22,7 @@ from vispeg.report.text.summary import Line
 from vispeg.report.text.terminal import diagnosis_summary
 from vispeg.report.write import write_diagnosis
 from vispeg.task.belief import believed
+from vispeg.worlds.places import values
 from vispeg.worlds.world import World
 
 ARM = World("iiwa14", "meg50+peg16", cell=CellBelief("nominal"))
@@ -188,6 +189,18 @@ def test_what_the_encoders_misread_is_taken_off():
     rec = Recording(Path("r"), "iiwa14", scene.joints, 100.0, Control(), np.arange(4) / 100, np.ones((4, 7)))
     q = CHANNELS["contact"].read(rec, ARM.add(OFFSET, CAMERA), How()).q
     assert np.allclose(q[:, 5], 1 - 0.004) and np.allclose(np.delete(q, 5, 1), 1.0) and (rec.q == 1).all()
+
+
+def test_of_two_offsets_of_an_encoder_the_later_one_is_taken_off():
+    """As the joints of a simulation read it, in either order."""
+    every = EffectInstance.of("encoder_offset", "all", offset=0.01)
+    scene = believed(ARM.cell).scene
+    rec = Recording(Path("r"), "iiwa14", scene.joints, 100.0, Control(), np.arange(4) / 100, np.ones((4, 7)))
+    for effects in ((every, OFFSET), (OFFSET, every)):
+        read = effect("encoder_offset").observe(
+            None, 0.0, 0.0, None, values(effect("encoder_offset"), [effects], scene)
+        )
+        np.testing.assert_allclose(CHANNELS["contact"].read(rec, ARM.add(*effects), How()).q, 1 - read[0].repeat(4, 0))
 
 
 def test_what_the_wrench_weighed_is_what_the_arm_carries():

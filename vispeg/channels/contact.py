@@ -12,13 +12,14 @@ from vispeg.contact.picture import worst_moment
 from vispeg.contact.run import compare_contact, diagnose_contact, evidence_of
 from vispeg.contact.selection.likely import intervals
 from vispeg.contact.touch import has_wrench
-from vispeg.core.effect import Effect
+from vispeg.core.effect import Effect, effect
 from vispeg.diagnosis.compare import Comparison
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit
 from vispeg.recordings.recording import Recording
 from vispeg.robots.objects import is_object
+from vispeg.worlds.places import values
 from vispeg.worlds.world import World
 
 
@@ -47,12 +48,8 @@ class Contact(Channel):
 
     def read(self, recording: Recording, world: World, how: How) -> Recording:
         """Return the recording with the model's encoder offsets subtracted from its joint angles."""
-        q = recording.q.copy()
-        for e in world.effects:
-            if e.effect == READINGS:
-                rows = range(len(recording.joints)) if e.where == "all" else [recording.joints.index(e.where)]
-                q[:, list(rows)] -= e.params["offset"].value
-        return replace(recording, q=q)
+        offset = values(effect(READINGS), [world.effects], recording)["offset"]
+        return replace(recording, q=recording.q - offset)
 
     def evidence(self, world: World, both: Both, how: How) -> tuple[Evidence, Evidence | None]:
         """Return the wrenches of the hand driven along its measured path."""
