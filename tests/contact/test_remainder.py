@@ -62,6 +62,23 @@ def test_a_pose_shows_from_no_nearer_to_none_than_an_arm_repeats_it():
     assert np.mean(out) > RULES.power - 0.03, "as said: an offset of this size is hardly ever taken out again"
 
 
+class Slips(Straight):
+    """A part that slips where a screening of one piece in three does not look."""
+
+    def residuals_in_part(self, worlds):
+        return [np.zeros_like(r) for r in self.residuals(worlds)]
+
+
+def test_a_slip_outside_the_pieces_of_the_held_out_recordings_shows_as_in_the_fitted_ones():
+    """An effect with memory is looked for in all blocks of both."""
+    slopes = {("gripper_slip", "grip"): np.full(60, 20.0)}
+    fitted, held_out = (kind(np.zeros(60), slopes) for kind in (Straight, Slips))
+    alone, both = (
+        least_sizes(some, World())["gripper_slip", "peg"]["grip"] for some in (search(fitted), search(fitted, held_out))
+    )
+    assert both == pytest.approx(alone) and alone < np.inf
+
+
 def offset(x: float, low: float, high: float) -> EffectInstance:
     """A hole's offset with an interval, m."""
     placed = EffectInstance.of("hole_offset", "fixture", x=x)

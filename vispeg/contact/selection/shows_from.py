@@ -11,8 +11,7 @@ from scipy import stats
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.selection.profile import places, size_of
 from vispeg.contact.selection.repeats import uncertainty
-from vispeg.contact.selection.screen import Probe
-from vispeg.contact.thin import PART
+from vispeg.contact.selection.screen import Probe, Screen
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.worlds.world import World
@@ -29,17 +28,12 @@ def least_sizes(search: ContactSearch, world: World) -> dict[tuple[str, str], di
     """
     where = places(search.evidence, world)
     least = shown_from(search.probed(world, where), surely(search.evidence, search.need()))
-    asked = [
-        (key, name, size, EffectInstance.of(*key, **{name: value(key[0], name, size)}))
-        for key, sizes in least.items()
-        for name, size in sizes.items()
-        if np.isfinite(size)
-    ]
+    asked = [(key, name, size) for key, sizes in least.items() for name, size in sizes.items() if np.isfinite(size)]
     judged = search.judge.evidence
     assert isinstance(judged, ContactEvidence)
-    base, *rows = judged.residuals_in_part([world, *(world.add(p) for *_, p in asked)])
-    for (key, name, size, _), r in zip(asked, rows, strict=True):
-        short = surely(judged, search.confirms()) / max(PART * float(np.sum((r - base) ** 2)), 1e-12)
+    tries = [(name, EffectInstance.of(*key, **{name: value(key[0], name, size)})) for key, name, size in asked]
+    for (key, name, size), probe in zip(asked, Screen(judged, world, ()).ask(tries)[0], strict=True):
+        short = surely(judged, search.confirms()) / max(probe.moved, 1e-12)
         if short > 1.0:
             least[key][name] = further(key[0], name, size, float(np.sqrt(short)))
     # in standard uncertainties: half of a 95 % interval, and the scatter of its middle
