@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from pressed import recorded
+from scipy.spatial.transform import Rotation
 
-from vispeg.contact.errors.nuisance import FORM, KINDS, PATH, READING, Nuisance
+from vispeg.contact.drive import drive
+from vispeg.contact.errors.nuisance import FORM, KINDS, PATH, READING, Nuisance, _misplaced
 from vispeg.contact.record import allowed, with_nuisance
 from vispeg.contact.run import evidence_of
 from vispeg.contact.selection.spare import too_small
+from vispeg.contact.sensor import hand_world, true_wrench
 from vispeg.core.effect import EffectInstance
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.findings import Verdict
 from vispeg.worlds.world import World
@@ -27,6 +31,28 @@ def test_a_contact_takes_up_what_a_sensor_misreads():
     assert abs(press[2, 2]) < 0.1
     slide = item.reading_response[item.phase.of("slide") & used]
     assert np.median(slide[:, 2, 2]) < 0.3 and np.median(np.abs(slide[:, :2, :2]).sum(axis=(1, 2))) > 0.7
+
+
+def test_an_error_of_the_path_pushes_in_contact_and_in_free_air_as_a_hand_driven_along_it():
+    """It presses by the stiffness and pulls by mass times false acceleration; a column of the covariance has both."""
+    item = evidence_of([recorded()]).items[0]
+    path, phase, world = item.path, item.phase, [World()]
+    turn = 2 * np.pi * 2.0  # rad/s, of a height that swings up and down, base z
+    size = RULES.kinematics_place * np.array([0.0, 0.0, 1.0])
+    swing = np.stack([np.sin(turn * path.time), turn * np.cos(turn * path.time)])[..., None]
+    off = np.zeros((1, 2, len(path.time), 6))
+    off[0, :, :, :3] = swing * Rotation.from_quat(path.frame, scalar_first=True).inv().apply(size)
+    wrench = true_wrench(path, hand_world(item.source.believed, World()))[None]
+    with_error, without = (
+        drive(item.armless, item.source.scene, path, world, wrench, phase.rest, phase.windows, 1, deviation=deviation)
+        for deviation in (off, None)
+    )
+    change = phase.means(with_error.correction - without.correction)[0, :, 2]
+    column = _misplaced(item, np.sin(turn * phase.time)[:, None])[2][:, 2]
+    for some in (phase.of("free") & ~phase.near, phase.of("press")):
+        some = some & phase.used
+        assert some.sum() >= 4
+        assert change[some] @ column[some] == pytest.approx(column[some] @ column[some], rel=0.3)
 
 
 def test_what_a_sensor_may_be_off_by_hides_no_compliance():

@@ -210,7 +210,7 @@ def _misplaced(item: ContactItem, smooth: np.ndarray) -> list[np.ndarray]:
     for a in range(3):
         force = mass * RULES.kinematics_place * axes[:, :, a]
         free = np.concatenate([force, np.cross(centre, force)], axis=1)
-        out += [some[a] * s[:, None] - free * b[:, None] for s, b in zip(smooth.T, bent.T, strict=True)]
+        out += [some[a] * s[:, None] + free * b[:, None] for s, b in zip(smooth.T, bent.T, strict=True)]
     return out
 
 
