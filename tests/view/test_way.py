@@ -59,6 +59,23 @@ def test_from_nothing_to_what_is_missing(rigs, served, monkeypatch):
     assert says(study)[1] == 1 and study.standing is None and not study.missing.visible
 
 
+def test_commands_name_what_was_compared_and_another_model_ends_the_work(rigs, served):
+    study = served(rigs / "arm.xml", rigs / "rig-a", rigs / "rig-b").study
+    until(lambda: study.candidates and not study.job.busy)
+    said = study.commands.content
+    assert "rig-b" in said
+    study.add(rigs / "rig-c")  # as an import does: it judges the next comparison, not the one that is shown
+    study.job.ask("show")
+    until(lambda: not study.job.busy)
+    assert study.commands.content == said
+    study.open()
+    assert study.job.busy and study.job.button.visible and study.standing is None
+    study.model.value = "iiwa14"
+    assert not study.job.busy and not study.job.button.visible and not study.job.bar.visible
+    study.job.stop()  # a click that came too late
+    assert not study.job.busy and study.standing is None
+
+
 def test_what_is_dropped_goes_where_it_belongs(served, tmp_path, monkeypatch):
     """A URDF without meshes is the model and stands there, a log opens Import for it, anything else is refused."""
     monkeypatch.chdir(tmp_path)

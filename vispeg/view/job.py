@@ -21,7 +21,8 @@ class Job:
     """
 
     def __init__(self, place: Place, receive: Callable[[str, Any], None], idle: Callable[[bool], None]):
-        self.receive, self.idle, self.lock = receive, idle, threading.RLock()
+        self.receive, self.idle = receive, idle
+        self.hearing, self.lock = threading.RLock(), threading.RLock()  # where both are held, in this order
         self.worker: Worker | None = None
         self.start: Callable[[Callable[..., None]], Worker] | None = None
         self.said: list[str] = []
@@ -39,7 +40,7 @@ class Job:
 
     def begin(self, make: Callable[..., object], args: tuple[Any, ...], *asked: str) -> None:
         """Stop the running work, and start a process that makes `make(tell, *args)` and calls the methods `asked`."""
-        self.end()
+        self._kill()
 
         def start(heard: Callable[..., None]) -> Worker:
             return Worker(make, args, heard)
@@ -58,12 +59,18 @@ class Job:
 
     def stop(self) -> None:
         """Stop the running work, and start a new process that repeats the first requests."""
-        self.end()
+        self._kill()
         self._fresh()
 
     def end(self) -> None:
-        """End the process."""
-        with self.lock:
+        """End the process and forget what it made; the line shows no work until `begin`."""
+        self.start = None
+        self._kill()
+        self._shown()
+
+    def _kill(self) -> None:
+        """End the process; a message that is being handled is handled to its end, and no later one is."""
+        with self.hearing, self.lock:
             worker, self.worker = self.worker, None
         if worker is not None:
             worker.stop()
@@ -75,8 +82,9 @@ class Job:
             mine: list[Worker] = []
 
             def heard(kind: Kind, name: str, value: Any) -> None:
-                if mine and mine[0] is self.worker:  # ignore messages of a stopped worker
-                    self._heard(kind, name, value)
+                with self.hearing:
+                    if mine and mine[0] is self.worker:  # ignore messages of a stopped worker
+                        self._heard(kind, name, value)
 
             self.worker = self.start(heard)
             mine.append(self.worker)

@@ -50,6 +50,7 @@ class StudyPage(Page):
         self.candidates: list[Any] = []
         self.tried: list[Tried] = []
         self.roles: dict[Path, Any] = {}
+        self.compared: tuple[str, tuple[Path, ...], tuple[Path, ...]] = model, (), ()  # in the last comparison
         self.models: dict[str, str] = {}
         self.there: dict[str, list[Path]] = {}
         self.drawn, self.written_to, self.window = 0, None, None
@@ -141,7 +142,8 @@ class StudyPage(Page):
             self._guided()
             return
         self.tried, self.standing = [], None
-        args = (self.chosen_model, fitted, held_out, self.place.out, self.place.threads, channel)
+        self.compared = self.chosen_model, fitted, held_out
+        args = (*self.compared, self.place.out, self.place.threads, channel)
         self._candidates([])
         self._logged()
         asked = ("show", "screen") if fitted and held_out else ("show",)
@@ -241,7 +243,7 @@ class StudyPage(Page):
         """Draw the chosen model, and drop the comparison with the previous one."""
         self.drawn += 1
         threading.Thread(target=self._draw, args=(self.drawn, self.chosen_model), daemon=True).start()
-        if self.standing is not None:
+        if self.chosen_model != self.compared[0]:
             self.job.end()
             self.standing, self.tried = None, []
             self._candidates([])
@@ -462,9 +464,8 @@ class StudyPage(Page):
         return next(path for path in names if not path.exists())
 
     def _commands(self) -> None:
-        fitted, held_out = self._sides()
+        model, fitted, held_out = self.compared
         assert self.standing is not None
-        model = self.chosen_model
         sides = [*_flags("--recording", fitted), *_flags("--validate", held_out)]
         against = _flags("--recording", held_out or fitted)
         lines = [["compare", model, *against, "--out", str(self.place.out / "compared")]]
