@@ -118,6 +118,27 @@ def test_the_page_and_the_command_propose_and_write_the_same(page, style, tmp_pa
         assert (written[-1] / name).read_bytes() == (tmp_path / "rig" / name).read_bytes(), name
 
 
+def test_a_log_that_was_never_previewed_is_not_written(page, tmp_path):
+    """What is typed after the preview can be written after its own; the command stays that of what is shown."""
+    made, _ = page
+    first, second = (write_table(tmp_path / name, STYLES["german"][0], ";", ",") for name in ("a.csv", "b.csv"))
+    made.take(first)
+    settled(made)
+    assert not made.write.disabled and "a.csv" in made.commands.content
+    for field, other in ((made.log, str(second)), (made.model, "ur5e")):
+        before, field.value = field.value, other
+        assert made.write.disabled
+        made._named()
+        assert "a.csv" in made.commands.content and "b.csv" not in made.commands.content
+        field.value = before
+        assert not made.write.disabled
+    made.take(second)
+    made.take(tmp_path / "none.csv")  # while the second is read
+    while made.job.busy:
+        time.sleep(0.05)
+    assert made.job.trouble.visible and made.seen is None and made.write.disabled
+
+
 def test_what_the_page_states_is_in_the_recording_and_can_be_compared(page, tmp_path, capsys):
     """A sensor and a controller that no name tells: without them nothing compares, and the page says what to state."""
     made, written = page

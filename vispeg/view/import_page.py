@@ -47,6 +47,7 @@ class ImportPage(Page):
         self.place, gui, self.written = place, place.gui, written
         self.proposed: Proposed | None = None
         self.seen: Look | None = None
+        self.asked = Path(), ""  # the log and the model of the proposal
         self.units: dict[str, Any] = {}
         self.there: dict[str, Path] = {}
         self.filling = False
@@ -101,12 +102,12 @@ class ImportPage(Page):
 
     def begin(self) -> None:
         """Propose a map for the log in the path field."""
-        path = Path(str(self.log.value))
+        self.asked = path, model = self._named_source()
         self.proposed = self.seen = None
         self.name.value = path.name.partition(".")[0] or "rig-1"
-        if self.job.start is None:
+        if self.job.busy or self.job.start is None:  # the preview of another log would come first
             self.job.begin(Importer, ())
-        self.job.ask("propose", path, str(self.model.value))
+        self.job.ask("propose", path, model)
 
     def receive(self, name: str, value: Any) -> None:
         """Handle a message (name, value) from the worker."""
@@ -132,9 +133,9 @@ class ImportPage(Page):
             self.written(Path(value))
 
     def idle(self, idle: bool) -> None:
-        """Enable the buttons; a recording can be written only after its preview."""
+        """Enable the buttons; a recording can be written only after the preview of this log with this model."""
         self.propose.disabled = not idle
-        self.write.disabled = not idle or self.seen is None
+        self.write.disabled = not idle or self.seen is None or self.asked != self._named_source()
 
     def show(self, visible: bool) -> None:
         """Show or hide the page, and offer what is in the working folder now."""
@@ -170,6 +171,8 @@ class ImportPage(Page):
     def _wire(self) -> None:
         self.here.on_update(lambda _: self._chosen())
         self.propose.on_click(lambda _: self.begin())
+        for field in (self.log, self.model):
+            field.on_update(lambda _: self.idle(not self.job.busy))
         for choice in (self.sensor, self.topic, self.command):
             choice.on_update(lambda _: self._again())
         self.mode.on_update(lambda _: self._moded())
@@ -179,6 +182,10 @@ class ImportPage(Page):
 
     def _failed(self, text: str) -> None:
         self.job.fail(text)
+
+    def _named_source(self) -> tuple[Path, str]:
+        """Return the log and the model in the fields."""
+        return Path(str(self.log.value)), str(self.model.value)
 
     def _chosen(self) -> None:
         path = self.there.get(str(self.here.value))
@@ -260,7 +267,7 @@ class ImportPage(Page):
         if self.filling or self.proposed is None:
             return
         try:
-            self.job.ask("look", Path(str(self.log.value)), str(self.model.value), self.columns(), self._topics())
+            self.job.ask("look", *self.asked, self.columns(), self._topics())
         except UserError as error:
             self.job.fail(str(error))
 
@@ -283,11 +290,11 @@ class ImportPage(Page):
         if str(self.write.label) != words:  # it has appeared in the meantime: the button says so now
             return
         try:
-            columns, source = self.columns(), Path(str(self.log.value))
+            columns = self.columns()
         except UserError as error:
             self.job.fail(str(error))
             return
-        self.job.ask("write", source, str(self.model.value), columns, self._out(), self._replaces(), self._topics())
+        self.job.ask("write", *self.asked, columns, self._out(), self._replaces(), self._topics())
 
     def _plotted(self) -> None:
         look = self.seen
@@ -319,7 +326,7 @@ class ImportPage(Page):
             mapped = bool(self.columns())
         except UserError:
             return  # still being typed
-        words = ["convert", str(self.log.value), "--robot", self.proposed.robot]
+        words = ["convert", str(self.asked[0]), "--robot", self.proposed.robot]
         words += ["--map", str(map_file(self._out()))] if mapped else []
         topics = self._topics()
         words += ["--topic", str(topics.joints)] if topics is not None else []
