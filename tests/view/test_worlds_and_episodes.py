@@ -1,8 +1,13 @@
 """Worlds change as the sliders say, and an episode on the page is the episode of the task."""
 
+import re
+import shlex
+import time
+
 import numpy as np
 import pytest
 
+import vispeg
 from vispeg.core.errors import UserError
 from vispeg.evaluation.entrants import entrant
 from vispeg.evaluation.players import player
@@ -10,6 +15,31 @@ from vispeg.task.environments.vector import TaskVec
 from vispeg.task.world_file import load_world
 from vispeg.view.episode import Episodes
 from vispeg.view.world_draw import Draws, in_words, ranges
+
+
+@pytest.fixture
+def place(tmp_path):
+    """What the pages of a server share that nobody looks at."""
+    viser = pytest.importorskip("viser", reason="the extra 'view' is not installed")
+    from vispeg.view.gate import free_port
+    from vispeg.view.place import Place
+
+    server = viser.ViserServer(host="127.0.0.1", port=free_port(None), verbose=False)
+    yield Place(server, tmp_path / "out", 1)
+    server.stop()
+
+
+def until(true, seconds=240):
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def said(element):
+    """The words of each command that a page shows."""
+    lines = re.findall("<code>(.*?)</code>", element.content, re.DOTALL)
+    return [shlex.split(line) for line in lines]
 
 
 def told(heard, name):
@@ -41,6 +71,34 @@ def test_an_episode_is_that_of_the_task():
     assert terminated[0] and mine[-1].outcome == "success" and not mine[0].outcome
     assert np.linalg.norm(mine[-1].offset[:2]) < 3 < np.linalg.norm(mine[0].offset)
     env.close()
+
+
+def test_an_episode_is_that_of_its_command_and_ends_the_one_that_still_plays(place):
+    from vispeg.view.policy_page import PolicyPage
+
+    page = PolicyPage(place)
+    try:
+        page.world.value = "searching"
+        page.begin()
+        until(lambda: page.sides[0].steps)
+        page.world.value, page.beside.value, page.seed.value = "nominal", "searching", 3
+        page.begin()
+        until(lambda: not page.job.busy)
+        assert not page.job.trouble.visible, page.job.trouble.content
+        assert [side.world for side in page.sides] == ["nominal", "searching"]
+        commands = said(page.commands)
+        outs = {words[words.index("--out") + 1] for words in commands}
+        assert len(outs) == 2
+        for side, words in zip(page.sides, commands, strict=True):
+            assert words[:3] == ["vispeg", "evaluate", "expert"]
+            given = dict(zip(words[3::2], words[4::2], strict=True))
+            made = vispeg.evaluate("expert", given["--world"], episodes=1, seed=int(given["--seed"]))
+            (episode,) = made.episodes
+            assert [m.time for m in side.steps] == pytest.approx(0.16 * np.arange(len(side.steps)))
+            assert (side.steps[-1].time, side.steps[-1].outcome) == (pytest.approx(episode.time), episode.category)
+            assert np.linalg.norm(side.steps[-1].offset[:2]) == pytest.approx(1e3 * episode.lateral_error, abs=1e-3)
+    finally:
+        page.close()
 
 
 def test_a_draw_shows_what_the_cameras_of_that_episode_see():
@@ -80,6 +138,29 @@ def test_a_saved_world_has_the_moved_range_and_is_what_is_drawn(tmp_path):
     assert from_page.values == from_file.values != without.values
     with pytest.raises(UserError, match="exists already"):
         made.save(tmp_path / "mine.yaml", "searching", {})
+
+
+def test_the_command_names_the_world_file_only_where_it_is_what_is_shown(place):
+    from vispeg.view.world_page import WorldPage
+
+    page = WorldPage(place, "searching")
+    try:
+        page.open()
+        until(lambda: page.sliders and not page.job.busy)
+        assert said(page.commands)[0][:4] == ["vispeg", "render", "--world", "searching"]
+        r, slider = page.sliders[0]
+        for high in ((r.low + r.high) / 2, (r.low + 2 * r.high) / 3):
+            slider.value = (r.low, high)
+            assert not said(page.commands) and "write the world file first" in page.commands.content
+            page._save()
+            until(lambda: said(page.commands))
+            (words,) = said(page.commands)
+            entries = {(e.effect, e.where): e.params for e in load_world(words[3]).world.ranges}
+            assert entries[r.effect, r.where][r.param].high == pytest.approx(high)
+        page.name.value = "other"
+        assert not said(page.commands)
+    finally:
+        page.close()
 
 
 def test_a_world_replaces_no_file_on_which_it_is_based(tmp_path):

@@ -12,6 +12,7 @@ import numpy as np
 from vispeg.api.library.catalogue import policies, worlds
 from vispeg.core.provenance import command_line
 from vispeg.evaluation.films.moments import Moment
+from vispeg.evaluation.jobs import seeds_of
 from vispeg.robots.furniture import COLOURS
 from vispeg.view import html
 from vispeg.view.choice import Choice
@@ -98,6 +99,8 @@ class PolicyPage(Page):
     def begin(self) -> None:
         """Play the chosen episode."""
         self.playing = False
+        if self.job.busy or self.job.start is None:  # the rest of another episode would mix with this one
+            self.job.begin(Episodes, ())
         for side in self.sides:
             self._clear(side)
         self.fills = False
@@ -108,9 +111,8 @@ class PolicyPage(Page):
         seed = int(self.seed.value)
         self._commands(where, seed)
         self.same.visible = True
-        if self.job.start is None:
-            self.job.begin(Episodes, ())
-        self.job.ask("play", self.policy.value, where, seed)
+        scripted = self.policy.value == EXPERT  # `evaluate` plays it, which has seeds of its own
+        self.job.ask("play", self.policy.value, where, seeds_of(1, seed)[0] if scripted else seed)
 
     def receive(self, name: str, value: Any) -> None:
         """Handle a message (name, value) from the worker."""
@@ -230,11 +232,11 @@ class PolicyPage(Page):
 
     def _commands(self, where: tuple[str, ...], seed: int) -> None:
         lines = []
-        for world in where:
+        for k, world in enumerate(where):
             to = ["--world", world] if world else []
             if self.policy.value == EXPERT:
                 words = ["evaluate", EXPERT, *(to or ["--world", "nominal"]), "--episodes", "1", "--seed", str(seed)]
-                lines.append([*words, "--out", str(self.place.out / "evaluated")])
+                lines.append([*words, "--out", str(self.place.out / ("evaluated", "evaluated-beside")[k])])
             else:
                 lines.append(["play", self.policy.value, *to, "--episodes", "1", "--seed", str(seed)])
         self.commands.content = html.commands([command_line(["vispeg", *line]) for line in lines])

@@ -36,6 +36,8 @@ class WorldPage(Page):
         self.folders: list[Any] = []
         self.cell: Drawing | None = None
         self.visible, self.opened, self.again = False, "", False
+        self.saving: Any = None  # the file that is being written, the world on which it is based, its moved ranges
+        self.saved: Any = None  # the same of the file that was written last
         built_in = {w.name: w.name for w in worlds()}
         self.root = gui.add_folder(None)
         with self.root:
@@ -74,11 +76,11 @@ class WorldPage(Page):
 
     def draw(self) -> None:
         """Draw the world with the sliders' ranges; if another is being drawn, do it afterwards."""
+        self._commands()
         if self.job.worker is not None and self.job.worker.busy:
             self.again = True
             return
         self.again = False
-        self._commands()
         self.job.ask("draw", self.opened, int(self.seed.value), self._moved())
 
     def receive(self, name: str, value: Any) -> None:
@@ -89,7 +91,8 @@ class WorldPage(Page):
             self._show(value)
         elif name == "save done":
             self.done.content = html.note(f"{value} is written")
-            self._named()
+            self.saved = self.saving
+            self._renamed()
 
     def idle(self, idle: bool) -> None:
         """Draw again if a slider moved while the worker was busy."""
@@ -178,13 +181,18 @@ class WorldPage(Page):
         words = str(self.save.label)
         self._named()
         if str(self.save.label) == words:  # otherwise it has appeared in the meantime: the button says so now
-            self.job.ask("save", self._target(), self.opened, self._moved(), self._target().exists())
+            self.saving = self._target(), self.opened, self._moved()
+            self.job.ask("save", *self.saving, self._target().exists())
 
     def _target(self) -> Path:
         return self.place.out / "worlds" / f"{Path(str(self.name.value) or 'mine').name}.yaml"
 
     def _commands(self) -> None:
-        world = self.opened if not self._moved() else str(self._target())
+        moved = self._moved()
+        if moved and self.saved != (self._target(), self.opened, moved):
+            self.commands.content = html.note("Ranges were moved: write the world file first.")
+            return
+        world = str(self._target()) if moved else self.opened
         out = str(self.place.out / "frames")
         words = ["render", "--world", world, "--frames", "8", "--seed", str(int(self.seed.value)), "--out", out]
         self.commands.content = html.commands([command_line(["vispeg", *words])])
