@@ -103,7 +103,10 @@ def test_angles_and_pictures_alone_are_compared_and_checked(tmp_path):
     assert off[0] > 1.0 and off[1] < 0.25
     assert nominal["ladder"][0]["unit"] == "px RMS" and mistakes(ComparisonRecord, nominal) == []
     assert "noise floor" not in str(compare(tmp_path / "lab.xml", log)), "nothing is known of it"
-    checked = check([log]).record["recordings"][0]["cameras"][0]
+    made = check([log], out=tmp_path / "checked")
+    for said in (str(made), (tmp_path / "checked" / "report.html").read_text()):
+        assert "can show errors of their cameras" not in said, "they can: the file shows what stands about the robot"
+    checked = made.record["recordings"][0]["cameras"][0]
     assert checked["mount"] == "flange" and checked["coverage"] > 0.3
     assert compare(tmp_path / "lab.xml", log).save(tmp_path / "compared").joinpath("report.html").is_file()
 

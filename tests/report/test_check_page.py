@@ -42,7 +42,7 @@ def faulty(name="rig"):
 def made(rec, contact=None, cameras=()):
     found, touched = contact or (None, None)
     report = replace(check(rec, LIMITS), contact=found)
-    return examined(rec, report, LIMITS, (cameras, ()), touched, plot(rec, report, LIMITS))
+    return examined(rec, report, LIMITS, (cameras, ()), rec.cell is not None, touched, plot(rec, report, LIMITS))
 
 
 def charts(html):
@@ -150,7 +150,7 @@ def test_contact_is_shaded_where_the_sensor_feels_a_force():
     limits = Limits(np.full((7, 2), [-3.0, 3.0]), np.full(7, 9.0), np.full(7, 100.0))
     report = replace(check(rec, limits), contact=found[0])
     html = render(
-        [examined(rec, report, limits, ((), ()), found[1], plot(rec, report, limits))], [], "vispeg check rig"
+        [examined(rec, report, limits, ((), ()), True, found[1], plot(rec, report, limits))], [], "vispeg check rig"
     )
     track = charts(html)[1]["tracks"][0]
     ((start, stop),) = track["bands"]

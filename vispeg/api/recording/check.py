@@ -169,14 +169,14 @@ def _examined(paths: Sequence[Path], drawn: bool, watch: Watch) -> Checks:
             reports.append(replace(examine(rec, limits, share, _needs(rec)), contact=contact))
         heads.append(_head(rec))
         scene = _scene_of(rec)
-        seen = scene is not None
         cameras.append(_cameras(rec, scene, watch))
         excited.append(_excited(rec, scene, watch))
-        stated.append(seen or rec.cell is not None)
+        stated.append(scene is not None or rec.cell is not None)
         if drawn:
             name = "check.png" if len(paths) == 1 else f"check-{number}-{rec.name}.png"
             drawings[name] = plot(rec, reports[-1], limits)
-            pages.append(examined(rec, reports[-1], limits, (cameras[-1], excited[-1]), touched, drawings[name]))
+            looked = cameras[-1], excited[-1]
+            pages.append(examined(rec, reports[-1], limits, looked, stated[-1], touched, drawings[name]))
         del rec
     return Checks(reports, cameras, excited, stated, _repeats(heads), pages, drawings, tuple(paths))
 

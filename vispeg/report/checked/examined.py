@@ -71,6 +71,7 @@ def examined(
     report: CheckReport,
     limits: Limits | None,
     pictures: tuple[Sequence[CameraCheck], Sequence[Excitation]],
+    stated: bool,
     touched: Touch | None,
     drawing: bytes,
 ) -> Examined:
@@ -81,6 +82,7 @@ def examined(
         report: findings on joints and contact.
         limits: limits of the joints, if known.
         pictures: findings on the cameras, and how much effects would change their images.
+        stated: whether the recording describes the objects in the cell.
         touched: the contact along the recording, if known.
         drawing: the PNG made by `vispeg.recordings.checks.plot`.
 
@@ -92,7 +94,7 @@ def examined(
         report=report,
         cameras=tuple(pictures[0]),
         excited=tuple(pictures[1]),
-        stated=rec.cell is not None,
+        stated=stated,
         signals=_signals(rec, report, limits),
         contact=None if touched is None else _contact(rec, touched),
         frames=_frames(rec),
