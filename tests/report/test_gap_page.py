@@ -17,10 +17,11 @@ from vispeg.evaluation.films.video import write_image, write_video
 from vispeg.evaluation.gap import gap
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.stress import exploit, perturb, sensitivity
+from vispeg.report.drawings.figures import WIDE
 from vispeg.report.gap import suite_page, words
 from vispeg.report.gap.build import render, write
 from vispeg.report.gap.headline import context
-from vispeg.report.gap.stress_pages import exploit_page, perturb_page, sensitivity_page
+from vispeg.report.gap.stress_pages import _profiles, exploit_page, perturb_page, sensitivity_page
 
 WORLDS = {"S": 0.95, "V": 0.85, "P": 0.75, "VP": 0.5}
 
@@ -271,6 +272,18 @@ def test_the_smaller_pages_stand_alone_too():
     runs = [e for i in range(9) for e in episodes(worlds={"S": 0.1 * i, "T": 0.1 * i}, configuration=f"c{i}")]
     version = suite.summarise(runs, "S", "T", "v1")
     alone(suite_page.render([version, {**version, "version": "v2"}], suite.regressions(runs, runs)))
+
+
+def test_forces_are_drawn_over_the_time_between_two_actions():
+    """A tenth of a second where the episodes took that; a record that does not state it is of the usual 0.16 s."""
+    sides = [e for c in ("fixed", "randomized, 3 substeps") for e in episodes(worlds={"S": 0.9}, configuration=c)]
+    record = exploit.summarise([replace(e, time=0.4, force_profile=(0.0, 5.0, 9.0, 12.0)) for e in sides])
+    for row in record["policies"]:
+        assert row["policy_period"] == pytest.approx(0.1)
+    old = [{k: v for k, v in row.items() if k != "policy_period"} for row in record["policies"]]
+    for policies, period in ((record["policies"], 0.1), (old, 0.16)):
+        line = _profiles(policies, WIDE).axes[0].get_lines()[0]
+        assert line.get_xdata() == pytest.approx([0.0, period, 2 * period])
 
 
 def test_the_smaller_pages_speak_in_words():

@@ -100,7 +100,10 @@ class Count(TypedDict):
 
 
 class ExploitRow(TypedDict):
-    """Success of one policy with fixed and with randomized contact parameters."""
+    """Success of one policy with fixed and with randomized contact parameters.
+
+    `policy_period` is the time between two values of a profile, s; None without profiles.
+    """
 
     policy: str
     modality: str
@@ -112,6 +115,7 @@ class ExploitRow(TypedDict):
     peak: Peak
     substeps: dict[str, Count]
     profiles: dict[str, dict[str, list[float]]]
+    policy_period: NotRequired[float | None]
     verdict: str
     words: str
 

@@ -14,7 +14,7 @@ from vispeg.report.text import effect_words
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-STEP = 0.16  # s between two actions of the policy
+STEP = 0.16  # s between two actions of the policy, in records from before they stated it
 
 
 def sensitivity_page(values: Mapping[str, Any]) -> str:
@@ -112,9 +112,10 @@ def _profiles(policies: Sequence[Mapping[str, Any]], shape: Shape) -> Figure:
     for ax in axes.flat[len(policies) :]:
         ax.set_visible(False)
     for ax, row in zip(axes.flat, policies, strict=False):
+        period = row.get("policy_period") or STEP
         for kind, colour in (("fixed", AFTER), ("randomized", BEFORE)):
             p = row["profiles"][kind]
-            t = [STEP * i for i in range(len(p["median"]))]
+            t = [period * i for i in range(len(p["median"]))]
             ax.fill_between(t, p["low"], p["high"], color=colour, alpha=0.2, linewidth=0)
             ax.plot(t, p["median"], color=colour)
         ax.set(title=row["policy"], xlabel="time since contact, s")
