@@ -1,6 +1,7 @@
 """A joint that is known, measured from noisy motions: closed forms, loops that were drawn, and MuJoCo as the judge."""
 
 import re
+import subprocess
 from dataclasses import replace
 
 import mujoco
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from vispeg.api.measure.plan import plan_joint
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.measure import frequency, joint, steps
@@ -262,6 +264,18 @@ def test_motions_of_the_plan_stay_in_range_and_show_what_they_say(tmp_path):
     ladder = next(p for p in plan(robot, "joint4", -1.2, 0.1, RATE, rng()) if p.name == "ladder")
     speeds = sorted({round(v, 4) for _, _, v in strokes(Trace("t", ladder.time, ladder.offset, ladder.offset))})
     assert speeds[0] == 0.004 and len(speeds) == 7
+
+
+def test_a_shell_reads_the_order_as_it_is_meant_also_with_blanks_in_names(tmp_path):
+    out = tmp_path / "my plan"
+    made = plan_joint("joint4", out)
+    block = "\n".join(line for line in made.order.splitlines() if line.startswith("    "))
+    shell = ["bash", "-c", f"vispeg() {{ printf '%s|' \"$@\"; echo; }}\n{block}"]
+    said = subprocess.run(shell, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+    *records, measure = [line.split("|")[:-1] for line in said.splitlines()]
+    assert [r[:4] for r in records] == [["record", "iiwa14", "--motion", str(out / n)] for n in made.names]
+    assert [r[-2:] for r in records] == [["--out", f"runs/{n.removesuffix('.csv')}"] for n in made.names]
+    assert measure[-4:] == ["--joint", "joint4", "--out", "joint4"]
 
 
 def test_a_step_that_does_not_fit_names_what_is_wrong():

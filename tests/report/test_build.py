@@ -225,8 +225,9 @@ def test_the_proposed_command_adds_a_recording_and_spares_the_first_results():
     from vispeg.report.evidence import Evidence
     from vispeg.report.record import Record
 
-    record = Record("diagnosis", {"provenance": {"command": "vispeg diagnose 'my arm.xml' --out=a"}}, Evidence())
-    assert again(record) == "vispeg diagnose 'my arm.xml' --out=a-2 --recording NEW-RECORDING"
+    for given, proposed in (("--out=a", "--out=a-2"), ("--out a/", "--out a-2"), ("--out=runs/a/", "--out=runs/a-2")):
+        record = Record("diagnosis", {"provenance": {"command": f"vispeg diagnose 'my arm.xml' {given}"}}, Evidence())
+        assert again(record) == f"vispeg diagnose 'my arm.xml' {proposed} --recording NEW-RECORDING"
 
 
 def test_remarks_follow_from_the_numbers():

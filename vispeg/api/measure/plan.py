@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -66,6 +67,7 @@ class MotionPlan:
     def order(self) -> str:
         """Content of ORDER.md."""
         runs = " ".join(Path(name).stem for name in self.names)
+        out, joint, robot = (shlex.quote(str(word)) for word in (self.out, self.joint, self.robot))
         listed = "\n".join(f"{k}. {line}" for k, line in enumerate(self.lines, 1))
         return (
             f"# {self.joint}: what to run, in this order\n\n{listed}\n\n"
@@ -74,11 +76,11 @@ class MotionPlan:
             "Log command, angle and the motor's torque (or current). Stop if the joint gets hot or noisy.\n"
             "Backlash shows only where gravity does not load the joint; friction shows everywhere.\n\n"
             "On a simulated robot:\n\n"
-            f"    for m in {self.out}/*.csv; do\n"
-            f"      vispeg record {self.robot} --motion $m --rate {self.rate_hz:g} --torque-sensor motor "
-            "--out runs/$(basename $m .csv)\n"
+            f"    for m in {out}/*.csv; do\n"
+            f'      vispeg record {robot} --motion "$m" --rate {self.rate_hz:g} --torque-sensor motor '
+            '--out "runs/$(basename "$m" .csv)"\n'
             "    done\n"
-            f"    vispeg measure joint runs/* --joint {self.joint} --out {self.joint}\n\n"
+            f"    vispeg measure joint runs/* --joint {joint} --out {joint}\n\n"
             f"The recordings: {runs}.\n"
         )
 

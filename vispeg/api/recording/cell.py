@@ -141,11 +141,12 @@ def commands(
         return table.text(made, belief.scene.joints), float(made.time[-1]), made
     if name in LOOKS:
         scene = scene_of(world)
-        joints, joint = scene.joints, look_motion(name, scene, rate_hz, duration or LOOK_S)
+        joints, joint = scene.joints, look_motion(name, scene, rate_hz, LOOK_S if duration is None else duration)
     else:
         robot = load(world.robot, tool=world.tool)
         joints = robot.joints
-        joint = excitation(name, robot, rate_hz, duration or JOINT_S, stream(seed, "record", name))
+        seconds = JOINT_S if duration is None else duration
+        joint = excitation(name, robot, rate_hz, seconds, stream(seed, "record", name))
     head = ["time", *columns_of("q_cmd", joints), *columns_of("dq_cmd", joints)]
     rows = np.column_stack([joint.time, joint.q_cmd, joint.dq_cmd])
     lines = [",".join(head), *(",".join(f"{value:.9g}" for value in row) for row in rows)]

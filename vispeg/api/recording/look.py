@@ -154,7 +154,8 @@ def record_look(
     """
     cameras = cameras or cameras_of(["wrist_wide"], scene_of(world), (320, 240))
     scene = scene_of(world, cameras)
-    duration = (duration or DURATION) if isinstance(motion, str) else float(motion.time[-1])
+    duration = DURATION if duration is None else duration
+    duration = duration if isinstance(motion, str) else float(motion.time[-1])
     refuse_rate(fps, rate_hz, duration, cameras)
     path = look_motion(motion, scene, rate_hz, duration) if isinstance(motion, str) else motion
     arm = replace(of_arm(world), cell=None)

@@ -182,7 +182,7 @@ def _path(asked: Asked, robot: RobotModel) -> Motion:
     if asked.is_file:
         return replay(Path(asked.motion), robot, asked.rate_hz)
     osc = asked.motion == "osc"
-    seconds = asked.duration or (9.0 if osc else 5.0)
+    seconds = (9.0 if osc else 5.0) if asked.duration is None else asked.duration
     rng = stream(asked.seed, "record", asked.motion)
     return motion(asked.motion, robot, asked.rate_hz, seconds, rng, **({"model": compiled(robot)} if osc else {}))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
+from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -66,9 +67,9 @@ def again(record: Record, new: bool = True) -> str:
         return GENERAL
     for i, word in enumerate(command):
         if word == "--out" and i + 1 < len(command):
-            command[i + 1] += "-2"
+            command[i + 1] = f"{PurePath(command[i + 1])}-2"
         elif word.startswith("--out="):
-            command[i] += "-2"
+            command[i] = f"--out={PurePath(word.removeprefix('--out='))}-2"
     return shlex.join(command) + (" --recording NEW-RECORDING" if new else "")
 
 
