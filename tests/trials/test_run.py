@@ -19,7 +19,7 @@ from vispeg.task.interface import interface_of
 from vispeg.task.registry import task_of
 from vispeg.trials.driver import Connected, Reading
 from vispeg.trials.limits import Limits
-from vispeg.trials.loop import How, run_episode
+from vispeg.trials.loop import Clock, How, run_episode
 from vispeg.trials.simulated import SimulatedRobot
 from vispeg.trials.trial import PolicyPart, read_trial, write_trial
 
@@ -236,11 +236,11 @@ def test_a_watchdog_stops_a_robot_whose_driver_hangs(robot, handled):
 
 
 def test_a_wrench_in_other_words_is_the_same_to_the_policy(robot):
-    """A driver may read it in the base's axes, as what acts on the tool, or with the tool's weight taken off."""
+    """A driver may read it in the base's axes, as what acts on the tool, zeroed once, or with the tool's weight off."""
     from vispeg.recordings.cell import WrenchSensor
 
     class Told(Lockstep):
-        sensor = WrenchSensor()
+        sensor, zero = WrenchSensor(), None
 
         def connect(self, interface, seed):
             self.interface = interface
@@ -252,17 +252,61 @@ def test_a_wrench_in_other_words_is_the_same_to_the_policy(robot):
             force, torque = turn @ r.wrench[:3], turn @ r.wrench[3:]
             if self.sensor.tared == "weight":
                 force = force - self.interface.tool.weight_n
+            elif self.sensor.tared:
+                self.zero = turn.T @ self.interface.tool.weight_n if self.zero is None else self.zero
+                force = force - turn @ self.zero
             sign = -1.0 if self.sensor.acts_on == "tool" else 1.0
             return replace(r, wrench=sign * np.concatenate([force, torque]))
 
     told = Told.__new__(Told)
     told.__dict__.update(robot.__dict__)
     plain = ran(robot, steps=6)
-    for sensor in (WrenchSensor("base", "tool"), WrenchSensor("base", "flange", "weight")):
+    tares = (WrenchSensor("base", "tool", tared) for tared in (False, True))
+    for sensor in (*tares, WrenchSensor("base", "flange", "weight")):
         told.sensor = sensor
         trial = ran(told, steps=6)
         n = min(len(trial.steps.time), len(plain.steps.time), 6)
         np.testing.assert_allclose(trial.steps.seen[:n], plain.steps.seen[:n], atol=1e-5)
+        assert trial.said.outcome.peak_force_n == pytest.approx(plain.said.outcome.peak_force_n, abs=1e-3)
+
+
+def test_a_sensor_zeroed_once_feels_no_contact_in_free_air_however_its_tool_is_turned(robot):
+    """Physics: the constant taken off is the weight in the sensor's axes at the start, not the weight thereafter."""
+    from vispeg.recordings.cell import WrenchSensor
+
+    class Turning(Clock):
+        time = 0.0
+
+        def now(self):
+            return self.time
+
+        def wait(self, until):
+            self.time = max(self.time, until)
+
+        def connect(self, interface, seed):
+            self.interface = interface
+            return Connected(wrench=WrenchSensor(acts_on="flange", tared=True))
+
+        def weight(self, q):
+            return self.interface.chain.rotation(q[None])[0].T @ self.interface.tool.weight_n
+
+        def read(self, cameras=()):
+            home = np.array(self.interface.arm.home_rad)
+            q, dq = home.copy(), np.zeros(7)
+            q[5] += 0.2 * self.time  # rad
+            return Reading(self.time, q, dq, np.concatenate([self.weight(q) - self.weight(home), np.zeros(3)]))
+
+        def command(self, pose): ...
+
+        def stop(self): ...
+
+    tool = meaning(robot.robot).tool.model_copy(update={"weight_n": (0.0, 0.0, -9.81)})
+    interface, arm = meaning(robot.robot, tool=tool, steps=4), Turning()
+    how = How(Limits(reach=2.0), rest=0.0)
+    trial = run_episode(Scripted(robot.robot.config), interface, arm, WHO, 0, how, clock=arm, watch=False)
+    turned = 9.81 * 2 * np.sin(0.1 * arm.time)
+    assert turned > 0.5, "the readings themselves are not 0"
+    assert trial.said.outcome.peak_force_n < 0.02
 
 
 def test_a_socket_robot_in_its_own_time_from_the_command_line(tmp_path, capsys):

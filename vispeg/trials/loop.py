@@ -230,6 +230,7 @@ class _Loop:
         self.goal = None if believed is None else np.asarray(believed, float)
         self.target = np.zeros(7)
         self.first: Reading | None = None
+        self.weighed: np.ndarray | None = None  # (3,) N, flange axes: the weight in the last pose of taring
         self.why: str | None = None
 
     def run(self, beat: Callable[[], None]) -> str | None:
@@ -306,8 +307,10 @@ class _Loop:
             return wrench
         turn = self.builder.observer.chain.rotation(np.asarray(reading.q, float)[None])
         out = reaction(canonical(wrench[None], sensor, turn))[0]
-        if sensor.tared == "weight":
-            out[:3] += turn[0].T @ self.interface.tool.weight_n
+        if self.weighed is None or sensor.tared == "weight":
+            self.weighed = turn[0].T @ self.interface.tool.weight_n
+        if sensor.tared:
+            out[:3] += self.weighed
         return out
 
     def _force(self, wrench: np.ndarray) -> float | None:
