@@ -52,6 +52,16 @@ def test_the_time_constant_of_a_known_process_is_its_own(time):
     assert found == pytest.approx(time, rel=0.25), "the sum up to the first zero is a little more than the integral"
 
 
+def test_a_constant_torque_is_no_correlation_in_time():
+    """Its block would be as long as the recordings, and none of them would count in any regime."""
+    rng = stream(0, "constant")
+    pieces = [series(rng, 400, 0.1) for _ in range(10)]
+    assert time_constant([p + [1.0, -2.0] for p in pieces], 0.02) == pytest.approx(time_constant(pieces, 0.02))
+    missing = [Missing(str(k), 0.02 * np.arange(400), p + 1.0, np.zeros(400, bool)) for k, p in enumerate(pieces)]
+    found = Remainder.of(missing, [], ("a", "b"), tick=0.005)
+    assert found is not None and found.block < 0.35 and found.regimes()["free air"]["recordings"] == 10
+
+
 def test_what_is_drawn_has_the_size_and_the_company_of_what_was_left():
     rng = stream(0, "blocks")
     pieces = tuple(series(rng, 150, 0.15) for _ in range(20))

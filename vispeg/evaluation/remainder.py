@@ -98,13 +98,14 @@ def _commanded(rec: Recording) -> np.ndarray:
 def time_constant(pieces: Sequence[np.ndarray], period: float) -> float:
     """Return the integrated autocorrelation time of series (m, nj), s.
 
-    The autocovariance is summed over joints and pieces, and the autocorrelation added up to its first zero.
+    The autocovariance, about each joint's mean over all pieces, is summed over joints and pieces, and the
+    autocorrelation added up to its first zero.
     """
-    most = min(map(len, pieces))
+    most, mean = min(map(len, pieces)), np.concatenate(pieces).mean(axis=0)
     total = np.zeros(most)
     for piece in pieces:
         size = 2 ** int(np.ceil(np.log2(2 * len(piece))))
-        spectrum = np.abs(np.fft.rfft(piece, size, axis=0)) ** 2
+        spectrum = np.abs(np.fft.rfft(piece - mean, size, axis=0)) ** 2
         total += np.fft.irfft(spectrum, size, axis=0)[:most].sum(axis=1) / (1 - np.arange(most) / len(piece))
     if total[0] <= 0:
         return 0.0
