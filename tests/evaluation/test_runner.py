@@ -162,6 +162,8 @@ def test_names_and_training_seeds_of_policies(policy, tmp_path):
         entrant(str(kept)).name == "peg-depth@8000"
         and entrant(str(kept.rename(kept.with_name("best")))).name == "peg-depth"
     )
+    for name, told in (("steps-8000", "peg-depth@8000"), ("updates-8000", "peg-depth@updates-8000")):
+        assert entrant(str(shutil.copytree(kept.with_name("best"), kept.with_name(name)))).name == told
     with pytest.raises(UserError, match="two policies called depth with training seed 0.*NAME=FOLDER"):
         entrants([policy("depth_s0"), policy("depth-s0")])
     with pytest.raises(UserError, match="no such policy"):

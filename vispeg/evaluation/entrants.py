@@ -212,11 +212,12 @@ def refuse_trained_on(
 def _stem(path: Path) -> str:
     """Return the folder's name; for a run's checkpoint (runs/TASK/TIME_sSEED/checkpoints/best) that of the task.
 
-    For an intermediate checkpoint (checkpoints/steps-8000) it is the task's name with the steps: `LABEL-depth@8000`.
+    For an intermediate checkpoint it is the task's name with its steps or updates: `LABEL-depth@8000` for
+    checkpoints/steps-8000, `LABEL-depth@updates-8000` for checkpoints/updates-8000.
     """
     place = path.resolve()
-    if match := re.fullmatch(r"(?:steps|updates)-(\d+)", place.name):
-        return f"{_stem(place.parent)}@{match[1]}"
+    if match := re.fullmatch(r"steps-(\d+)|(updates-\d+)", place.name):
+        return f"{_stem(place.parent)}@{match[1] or match[2]}"
     while place.name in ("best", "last", "checkpoints") or re.match(r"\d{8}-\d{4}", place.name):
         place = place.parent
     return place.name or path.resolve().name

@@ -184,29 +184,30 @@ class SacRun:
             "temperature": values.get("train/temperature"),
         }
 
-    def keep(self, row: Row, contender: bool = True) -> None:
-        """Save the actor as `checkpoints/steps-N` (`updates-N` at step 0), and as `checkpoints/best` if it is better.
+    def keep(self, row: Row, name: str, contender: bool = True) -> None:
+        """Save the actor as `checkpoints/NAME`, and as `checkpoints/best` if it is better.
 
         It is better with more successes, or with as many and a smaller mean peak force. Every evaluation's actor is
         kept, because a study of how success in one world predicts success in another needs policies of all qualities.
 
         Args:
             row: the evaluation's row of progress.csv.
+            name: `steps-N` for reinforcement learning, `updates-N` for imitation, which counts other steps.
             contender: whether it may become the best.
         """
-        places = [f"steps-{row['steps']}" if row["steps"] else f"updates-{row['updates']}"]
+        places = [name]
         score = row["success"], -row["peak_force"]
         if contender and score > self.best:
             self.best = score
             places.append("best")
-        for name in places:
-            with new_folder(self.folder / "checkpoints" / name, overwrite=True, holds=None) as place:
-                save(place, self.model.actor, self.modality.name, self.meta(row))
+        for place in places:
+            with new_folder(self.folder / "checkpoints" / place, overwrite=True, holds=None) as part:
+                save(part, self.model.actor, self.modality.name, self.meta(row))
 
     def _note(self, row: Row) -> None:
         """Save the policy, update the curriculum, write the checkpoint."""
         success, last = row["success"], self.course.last
-        self.keep(row, last)
+        self.keep(row, f"steps-{row['steps']}", last)
         self.reached = self.reached + 1 if last and success >= self.config.target else 0
         moved = self.course.after(success)
         counters: Counters = {
