@@ -138,6 +138,17 @@ def test_versions_are_compared_in_the_same_world_on_the_same_seeds_only():
         suite.regressions(old + wins("T", "c0", 3, policy="z"), renamed)
 
 
+def test_a_robots_trials_of_two_versions_are_independent_samples():
+    """Fisher's exact test of 20 of 20 against 13 of 20: equal numbers of trials are not equal starts."""
+    from scipy.stats import fisher_exact
+
+    old, new = ([replace(e, world_hash="") for e in wins("robot", "c0", count, 20)] for count in (20, 13))
+    for version in (new, [replace(e, policy="b") for e in new], [replace(e, seed=e.seed + 100) for e in new]):
+        (row,) = suite.regressions(old, version)
+        assert row["p_holm"] == pytest.approx(fisher_exact([[20, 0], [13, 7]]).pvalue, rel=1e-6)
+        assert row["verdict"] == "fell" and row["change"]["value"] == pytest.approx(-0.35)
+
+
 def test_a_suites_result_tells_the_hash_of_every_world(tmp_path):
     found = suite.summarise(two_worlds(RISING, RISING), "S", "T", "v", {"S": "aa", "T": "bb"})
     hashes = {w["name"]: w["hash"] for w in found["worlds"]}

@@ -217,6 +217,8 @@ def _hashes(version: SuiteRecord) -> dict[str, str]:
 def regressions(old: Sequence[Episode], new: Sequence[Episode]) -> list[VersionChange]:
     """Compare two versions in every configuration and world that both played on the same seeds.
 
+    A robot's trials have no seeds: those of the two versions are independent samples.
+
     Policies are paired by name; if no name agrees, the only policy of each version is. The change is success of the new
     version minus that of the old; the verdict is `fell`, `rose`, `equal`, or that these data cannot tell.
 
@@ -236,8 +238,11 @@ def regressions(old: Sequence[Episode], new: Sequence[Episode]) -> list[VersionC
                 for side, n in ((old, a), (new, b))
             )
             if before and after and {e.world_hash for e in before} == {e.world_hash for e in after}:
-                sides = [rows(side) for side in (after, before)]
-                if set.intersection(*(set(row) for side in sides for row in side.values())):
+                sides = [
+                    rows(side, lambda e, version=version: e.seed if e.world_hash else (version, e.seed))
+                    for version, side in (("new", after), ("old", before))
+                ]
+                if not after[0].world_hash or set.intersection(*(set(row) for side in sides for row in side.values())):
                     compared[b, world, c] = difference(*sides, same_networks=False)
     if not compared:
         raise UserError("versions with no configuration in common, in the same world on the same seeds")
