@@ -41,6 +41,21 @@ class Seen(Reach):
         return obs
 
 
+def test_a_row_that_is_done_plays_no_seed_again_that_counts():
+    """Row 0 ends at once; the other one plays on. What row 0 plays meanwhile is nobody's episode."""
+
+    class Uneven(Seen):
+        def step(self, actions):
+            obs, reward, terminated, truncated, info = super().step(actions)
+            return obs, reward, terminated | np.array([True, False]), truncated, info
+
+    env = Uneven(2)
+    outcomes = run_episodes(Watcher(), env, [7, 8])
+    assert [(o.seed, o.steps) for o in outcomes] == [(7, 1), (8, 12)]
+    begun = [seeds[0] for seeds in env.given]
+    assert len(begun) == 12 and len(set(begun)) == 12 and not {7, 8} & set(begun[1:])
+
+
 @pytest.mark.parametrize(("rows", "seeds"), [(2, [7]), (4, [7, 8]), (3, [7, 8, 9, 10, 11])])
 def test_who_is_shown_anothers_images_is_never_shown_its_own(rows, seeds):
     watcher, env = Watcher(), Seen(rows)

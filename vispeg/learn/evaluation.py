@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain, count
 from typing import Protocol, cast
 
 import numpy as np
@@ -15,7 +16,7 @@ from gymnasium.vector import VectorEnv
 from vispeg.learn.infos import row_info
 from vispeg.task.result import EpisodeResult
 
-SPARE = 2**30  # added to the first seed for rows without an episode to play
+SPARE = 2**30  # added to the seeds for episodes that do not count
 
 
 class Acts(Protocol):
@@ -63,12 +64,13 @@ def run_episodes(policy: Acts, env: VectorEnv, seeds: Sequence[int]) -> list[Out
         env: takes `reset(seed=[...], options={"reset_mask": ...})`; its autoreset mode must be `DISABLED`.
         seeds: seeds of the episodes.
     """
-    n, todo = env.num_envs, list(enumerate(seeds))
+    n = env.num_envs
+    todo = chain(enumerate(seeds), ((-1, int(seeds[0]) + SPARE + k) for k in count(len(seeds))))
     number = np.full(n, -1)  # which episode each row plays, -1 for none
-    out: list[Outcome | None] = [None] * len(todo)
+    out: list[Outcome | None] = [None] * len(seeds)
     row_seeds: list[int] = [0] * n
     for row in range(n):
-        number[row], row_seeds[row] = todo.pop(0) if todo else (-1, int(seeds[0]) + SPARE + row)
+        number[row], row_seeds[row] = next(todo)
     obs, _ = env.reset(seed=row_seeds)
     policy.reset(n)
     total, steps = np.zeros(n), np.zeros(n, int)
@@ -88,7 +90,7 @@ def run_episodes(policy: Acts, env: VectorEnv, seeds: Sequence[int]) -> list[Out
                     int(steps[row]),
                     record,
                 )
-            number[row], row_seeds[row] = todo.pop(0) if todo else (-1, row_seeds[row])
+            number[row], row_seeds[row] = next(todo)
             total[row], steps[row] = 0.0, 0
         if ended.any() and (number >= 0).any():
             obs, _ = env.reset(seed=row_seeds, options={"reset_mask": ended})
