@@ -141,6 +141,18 @@ def test_a_recurrent_actor_learns_nothing_from_steps_past_an_episodes_end():
     assert losses[0] == pytest.approx(losses[1], abs=1e-6)
 
 
+@pytest.mark.parametrize("shown", [False, True])
+def test_more_environments_than_steps_of_warm_up_learn_as_soon_as_there_is_something(shown):
+    """After the first step nothing can be drawn yet; its updates are owed. Demonstrations of no share help nothing."""
+    model = learner(warmup=4, demo_fraction=0.0, utd=0.25)
+    if shown:
+        other = learner()
+        other.learn(160, log_interval=None)
+        model.demos = other.replay
+    model.learn(400, log_interval=None)
+    assert model._n_updates == pytest.approx(0.25 * 400, abs=2)
+
+
 def test_updates_per_step_are_what_was_asked():
     model = learner(utd=0.25)
     model.learn(160, log_interval=None)
