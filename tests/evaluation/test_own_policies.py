@@ -2,6 +2,7 @@
 
 import sys
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -155,8 +156,15 @@ def test_a_file_by_stable_baselines3_acts_as_that_library_loads_it(algorithm, tm
     assert [e.modality for e in result.episodes] == ["depth"] * 2 and result.episodes[0].policy == "mine"
 
 
+class Pressing(gym.Env):
+    """One of four buttons a step."""
+
+    observation_space = gym.spaces.Dict({"policy": gym.spaces.Box(-20, 20, (30,), np.float32)})
+    action_space = gym.spaces.Discrete(4)
+
+
 def test_a_file_by_stable_baselines3_that_cannot_be_judged_is_refused(tmp_path):
-    """One that reads the ground truth, one with classes of the user's own, one that is no such file."""
+    """One that reads the ground truth, one with classes of the user's own, no such file, one that presses buttons."""
     sb3 = pytest.importorskip("stable_baselines3")
     from torch import nn
 
@@ -165,7 +173,9 @@ def test_a_file_by_stable_baselines3_that_cannot_be_judged_is_refused(tmp_path):
     own = {"buffer_size": 10, "policy_kwargs": {"activation_fn": nn.Tanh}}
     sb3.SAC("MultiInputPolicy", vispeg.make("nominal"), **own).save(tmp_path / "c.zip")
     (tmp_path / "text.zip").write_text("nothing")
-    for name, said in (("told", "ground truth"), ("c", "MODULE:FUNCTION"), ("text", "not such a file")):
+    sb3.PPO("MultiInputPolicy", Pressing()).save(tmp_path / "pressing.zip")
+    discrete = ("pressing", "action_space: acts otherwise.*got .*Discrete")
+    for name, said in (("told", "ground truth"), ("c", "MODULE:FUNCTION"), ("text", "not such a file"), discrete):
         with pytest.raises(UserError, match=said):
             vispeg.evaluate(str(tmp_path / f"{name}.zip"), "nominal", episodes=2)
 

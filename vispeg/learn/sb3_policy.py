@@ -30,8 +30,8 @@ def opened(path: Path) -> Any:
     """Load the policy in a .zip saved by Stable-Baselines3, ready to `predict`.
 
     Raises:
-        UserError: no such file, a file of another kind, or a policy that uses a user's own classes, which are stored
-            as pickled code.
+        UserError: no such file, a file of another kind, a policy whose action is no vector, or one that uses a user's
+            own classes, which are stored as pickled code.
     """
     if not path.is_file():
         raise UserError("no such policy", file=path, expected="a .zip by Stable-Baselines3")
@@ -44,7 +44,7 @@ def opened(path: Path) -> Any:
         kind, kwargs = data["policy_class"], data["policy_kwargs"]
         module, name = str(kind["__module__"]), str(kind["__init__"]).split()[1].partition(".")[0]
         parts = BOX.findall(str(data["observation_space"]["spaces"]))
-        action = str(data["action_space"]["_shape"]).strip("[]")
+        acts, action = data["action_space"], str(data["action_space"]["_shape"]).strip("[]")
     except (zipfile.BadZipFile, OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
         expected = "a policy that Stable-Baselines3 saved in one of vispeg's environments"
         raise UserError(f"not such a file ({type(error).__name__}: {error})", file=path, expected=expected) from error
@@ -52,6 +52,9 @@ def opened(path: Path) -> Any:
     kwargs = {k: _plain(v, path) for k, v in kwargs.items() if k not in (":type:", ":serialized:")}
     if not module.startswith("stable_baselines3."):
         raise UserError("is of a class of your own", file=path, key=module, expected="MODULE:FUNCTION that loads it")
+    if not action.isdigit():
+        expected, kind = "a vector of numbers within +-1 (Box)", acts.get(":type:")
+        raise UserError("acts otherwise", file=path, key="action_space", expected=expected, got=kind)
     space: dict[str, spaces.Space[Any]] = {
         key: spaces.Box(float(low), float(high), tuple(int(n) for n in shape.split(",") if n.strip()), np.dtype(dtype))
         for key, low, high, shape, dtype in parts
