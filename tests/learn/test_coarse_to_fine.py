@@ -91,7 +91,9 @@ def test_on_disk(tmp_path):
         combine(tmp_path / "a", tmp_path / "b", 0.02, tmp_path / "both")
 
 
-@pytest.mark.parametrize(("fine", "within"), [(net("state", vector=15), 0.006), (net("state"), 0.0)])
+@pytest.mark.parametrize(
+    ("fine", "within"), [(net("state", vector=15), 0.006), (net("state"), 0.0), (net("state"), 1.5)]
+)
 def test_what_does_not_fit_is_refused(fine, within):
     with pytest.raises(UserError):
         CoarseToFine(net("depth", {"depth_wrist": (1, 24, 24)}), fine, within)

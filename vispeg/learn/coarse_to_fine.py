@@ -40,7 +40,7 @@ class CoarseToFine:
 
     Raises:
         UserError: the fine policy reads something that the coarse one's observation lacks, their actions differ in
-            length, or `within` is not positive.
+            length, or `within` is not above 0 and at most 1.
     """
 
     def __init__(self, coarse: NetPolicy, fine: NetPolicy, within: float, meta: Mapping[str, Any] | None = None):
@@ -48,8 +48,8 @@ class CoarseToFine:
         lacking = sorted(key for key, shape in read.items() if shapes.get(key) != shape)
         if lacking or coarse.layout.action != fine.layout.action:
             raise UserError("the fine policy was made for another observation", expected=shapes, got=read)
-        if not within > 0:
-            raise UserError("must be above 0", key="within", got=within)
+        if not 0 < within <= 1:
+            raise UserError("not a distance", key="within", expected="metres, above 0 and at most 1", got=within)
         self.coarse, self.fine, self.within = coarse, fine, within
         self.modality = coarse.modality
         self.meta: Mapping[str, Any] = dict(meta or coarse.meta)

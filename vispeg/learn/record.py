@@ -74,7 +74,9 @@ def read_record(folder: Path) -> PolicyRecord:
     if kind is PAIR:
         within = record["within"]
         if isinstance(within, bool) or not isinstance(within, int | float) or not 0 < within <= 1:
-            raise UserError("not a distance", file=path, key="within", expected="metres, above 0", got=within)
+            raise UserError(
+                "not a distance", file=path, key="within", expected="metres, above 0 and at most 1", got=within
+            )
         return cast("PolicyRecord", {"format": kind.name, **record})
     if not isinstance(record["modality"], str):
         raise UserError("not a modality", file=path, key="modality", got=record["modality"])

@@ -67,7 +67,8 @@ def combine(
         overwrite: replace `out` if it exists.
 
     Raises:
-        UserError: no such policies, policies that do not fit together, `within` not above 0, or `out` exists.
+        UserError: no such policies, policies that do not fit together, `within` not above 0 and at most 1, or `out`
+            exists.
     """
     require("torch", "combining policies")
     from vispeg.learn import coarse_to_fine
