@@ -121,8 +121,23 @@ def test_a_student_comes_near_its_teacher_and_the_run_can_go_on(tmp_path):
     assert success_rate(run_episodes(student, Reach(16, "depth"), range(900, 932))) > 0.9
     rows = curve(folder)
     assert [row["stage"] for row in rows] == ["distill 0", "distill 1", "distill 2", "0"]
+    assert [row["steps"] for row in rows] == ["240", "480", "720", "160"]
+    kept = {p.name for p in (folder / "checkpoints").iterdir()} - {"best", "last"}
+    assert kept == {"updates-200", "updates-400", "updates-600", "steps-160"}, "every evaluation's, at any steps"
     resume(folder, 320, make("depth"), show=False)
     assert len(curve(folder)) == 5
+
+
+def test_runs_of_neighbouring_seeds_share_no_starts_in_any_round(tmp_path):
+    from vispeg.learn.methods.distill import distill
+    from vispeg.learn.methods.recipes import distill_settings
+
+    settings, starts = distill_settings({"steps": 4, "updates": 1, "betas": (1.0, 1.0, 1.0)}), []
+    for seed in range(3):
+        model = SacRun(config(seed=seed), tmp_path, make("state"), show=False).model
+        rings = distill(model.actor, "state", model.env, Pointing(), settings, seed)
+        starts += [tuple(np.ravel(ring.obs["policy"][0])) for ring in rings]
+    assert len(set(starts)) == len(starts) == 9
 
 
 def test_a_killed_distillation_goes_on_after_its_last_round(tmp_path):

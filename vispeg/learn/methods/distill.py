@@ -230,7 +230,8 @@ def distill(
     def played(number: int, beta: float) -> Replay:
         asked = None if beta >= 1 else student
         noise = settings.noise if 0 < beta < 1 else 0.0
-        play = settings.steps, noise, seed + number
+        own = int(stream(seed, "distill round", number).integers(2**30)) if number else seed
+        play = settings.steps, noise, own
         return collect(env, teacher, asked, beta, *play, actor.device, settings.looks)
 
     return _learn(actor, [], played, settings, seed, watch, rounds)
