@@ -71,6 +71,8 @@ def test_the_search_by_itself_ends_with_the_model_of_the_command(rigs, tmp_path)
     command = diagnose(str(rigs / "arm.xml"), [rigs / "rig-a", rigs / "rig-b"], rigs / "rig-c", threads=1)
     assert made.state.world.label == command.world.label
     assert made.state.world.values == command.world.values
+    errors = [rung["heldout_error"] for rung in command.record["ladder"]]
+    assert [rung.error for rung in made.rungs] == pytest.approx(errors, rel=1e-9)
 
 
 @pytest.mark.slow
@@ -154,6 +156,7 @@ def test_a_search_that_ended_and_was_killed_has_its_last_values(rigs, tmp_path):
     """Those of the command, fitted at the judge's step; the steps can still be taken back."""
     made = study(rigs, tmp_path)
     made.run()
+    assert made.rungs[-1].error == made.subject.error(made.state.world)
     again = study(rigs, tmp_path)
     assert again.state.world == made.state.world and again.rungs == made.rungs
     again.undo()

@@ -286,6 +286,8 @@ class Study:
     def _end(self) -> None:
         """Give the added effects the values that the command gives, as a step of its own that `undo` does not count."""
         self.state = self.subject.last_values(self._searching()[1], self.n_fixed)
+        if len(self.rungs) > 1:  # the last rung is the model that is shown and saved, as in the command's ladder
+            self.rungs[-1] = replace(self.rungs[-1], error=self.subject.error(self.state.world))
         self._did(*END)
 
     def _claimed(self) -> list[list[str]]:
