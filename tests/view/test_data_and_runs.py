@@ -94,6 +94,12 @@ def test_several_runs_stand_in_the_same_curves(run, served, monkeypatch):
     assert np.array_equal(lines["s1"], [np.nan, 1, 0.75, 0.25], equal_nan=True)
     box.value = False
     assert len(page.plots[title].data) == 2
+    (other / "best").symlink_to("gone")  # a file that goes between a listing and a look at it
+    page.follow()
+    assert page.trouble.visible
+    (other / "best").unlink()
+    page.follow()
+    assert not page.trouble.visible
 
 
 @pytest.mark.slow

@@ -124,7 +124,7 @@ class RunPage(Page):
             named = Path(self.folder.value).expanduser()
             run = read(newest(named) or named)
             others = {path: read(path) if box.value else None for path, (box, _) in self.others.items()}
-        except UserError as error:
+        except (UserError, OSError) as error:  # such as a checkpoint that is being replaced
             self.trouble.content, self.trouble.visible = html.error(str(error)), True
             return
         self.trouble.visible = False
