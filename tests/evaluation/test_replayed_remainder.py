@@ -1,5 +1,7 @@
 """What no cause explains: the missing torque is what was hidden, and played back it does what it did."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -109,9 +111,25 @@ def test_the_right_model_leaves_nothing_though_a_joint_sticks(recordings):
     assert len(touched) > 50 and np.sqrt(np.mean(touched**2, axis=0)).max() < 1.0, "the measured wrench acts too"
 
 
-def test_a_recording_whose_controller_is_unknown_is_refused(recordings):
-    from dataclasses import replace
+def test_weaker_drives_that_are_asked_for_more_leave_the_same(recordings):
+    """Drives of gain 0.8 and bias 1 N m, asked for so much that they deliver the same, in contact too."""
+    weak = World("iiwa14").add(
+        EffectInstance.of("torque_gain", "all", gain=0.8), EffectInstance.of("joint_bias", "all", torque=1.0)
+    )
+    touching = 0
+    for rec in recordings["friction"]:
+        asked = Control("torque", rec.control.rate_hz)
+        tau = 20.0 * np.sin(rec.time[:, None] + np.arange(7))
+        plain = missing_of(replace(rec, control=asked, tau_cmd=tau), World("iiwa14"))
+        more = missing_of(replace(rec, control=asked, tau_cmd=(tau - 1.0) / 0.8), weak)
+        if plain is None or more is None:
+            continue
+        np.testing.assert_allclose(more.torque, plain.torque, atol=1e-9)
+        touching += plain.touching.sum()
+    assert touching > 50
 
+
+def test_a_recording_whose_controller_is_unknown_is_refused(recordings):
     with pytest.raises(UserError, match="the commanded torque is not known"):
         missing_of(replace(recordings["noise"][0], control=Control("unknown")), World("iiwa14"))
 

@@ -1,6 +1,6 @@
 """Play back the torque that no named cause explains: resampled in blocks, it disturbs the arm of the identified world.
 
-For each recording, the torque commanded by its controller and the joint torque of the measured contact wrench are
+For each recording, the torque that the drives deliver and the joint torque of the measured contact wrench are
 known. Inverse dynamics in the identified world give the torque that the motion needed. What it needed beyond what is
 known is the missing torque: applied to the links of the identified world, it makes them move as measured, in free air
 and in contact. Blocks of it, of all joints at once to keep their correlation, are drawn with replacement and joined:
@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.evaluation.schema.explain import Regime, RemainderSize
@@ -24,6 +25,8 @@ from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Recording
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.controller import Controller
+from vispeg.sim.physics import EffectLoop
+from vispeg.sim.placement import activate
 from vispeg.sim.segments.rows import Rows
 from vispeg.sim.segments.segment import segments
 from vispeg.sim.touch import touch
@@ -66,7 +69,8 @@ def missing_of(rec: Recording, world: World) -> Missing | None:
     pieces = segments(rec)
     if len(pieces) != 1 or len(pieces[0].q) != len(rec.time) or rec.time[-1] - rec.time[0] < 2 * ENDS + SHORTEST:
         return None
-    tau = _commanded(rec)
+    tau = EffectLoop(activate(robot, [world])).delivered(_commanded(rec))
+    links = world.only(lambda e: not effect(e.effect).overrides("inverse"))  # the drives' effects are in `tau`
     felt = touch(rec, robot)
     touching = np.zeros(len(rec.time), bool)
     if felt is not None:
@@ -75,7 +79,7 @@ def missing_of(rec: Recording, world: World) -> Missing | None:
         touching = felt.touching
     low = smooth(rec.time, tau, MOTION_HZ)[0]  # filtered as the motion is
     evidence = TorqueEvidence([replace(rec, tau=low, torque_sensor="motor", ft=None, wrench=None)])
-    item, (least, most) = evidence.items[0], evidence.torque_range(0, world)
+    item, (least, most) = evidence.items[0], evidence.torque_range(0, links)
     valid = item.valid.all(axis=1)
     rest = (np.clip(item.measured, least, most) - item.measured)[valid]
     return Missing(rec.name, item.segment.time[valid], rest, touching[item.segment.rows][valid])

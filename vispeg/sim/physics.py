@@ -165,6 +165,12 @@ class EffectLoop:
             wrench = a.effect.wrench(self.states[a.effect.name], wrench, x, a.p)
         return wrench
 
+    def delivered(self, command: np.ndarray) -> np.ndarray:
+        """Return the torque (n, nj) N m that the drives deliver for `command`, N m; undone by `inverse` of a motor."""
+        for a in self.inverses:
+            command = a.effect.drive(None, command, None, a.p)
+        return command
+
     def inverse(self, needed: np.ndarray, sensor: str) -> np.ndarray:
         """Return the reading (n, nj) N m of a torque sensor (`joint` or `motor`) if the link needs `needed`, N m."""
         for a in reversed(self.inverses) if sensor == "motor" else self.inverses:
