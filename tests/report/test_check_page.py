@@ -147,6 +147,10 @@ def test_contact_is_shaded_where_the_sensor_feels_a_force():
     rec = replace(rec, ft=ft, wrench=WrenchSensor(), noise={"ft": 0.02, "ft_torque": 0.02})
     found = check_contact(rec)
     assert found is not None
+    for some in (slice(None, None, -1), slice(6)):  # another order of the joints, and without the last, which rests
+        other = check_contact(replace(rec, joints=rec.joints[some], q=rec.q[:, some]))
+        assert other is not None
+        np.testing.assert_allclose(other[1].flange, found[1].flange, atol=1e-9)
     limits = Limits(np.full((7, 2), [-3.0, 3.0]), np.full(7, 9.0), np.full(7, 100.0))
     report = replace(check(rec, limits), contact=found[0])
     html = render(

@@ -11,9 +11,10 @@ from vispeg.contact.torques import sensed
 from vispeg.control.laws import rotated
 from vispeg.core.errors import UserError
 from vispeg.recordings.checks.contact_check import ContactCheck, Touched, examine
-from vispeg.recordings.recording import Recording
-from vispeg.robots.model import RobotModel, load
+from vispeg.recordings.recording import Recording, in_order
+from vispeg.robots.model import RobotModel
 from vispeg.robots.scene import Scene
+from vispeg.sim.recorded import with_robot
 from vispeg.sim.touch import Touch, touch
 from vispeg.task.belief import recorded_cell
 
@@ -29,14 +30,15 @@ def check_contact(rec: Recording) -> tuple[ContactCheck, Touch] | None:
     if rec.ft is None or (rec.wrench is None and rec.cell is None):
         return None
     header = rec.path / "recording.yaml"
+    robot: RobotModel
     try:
-        robot: RobotModel = (
-            load(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
-            if rec.cell is None or rec.cell.bench
-            else recorded_cell(rec).scene
-        )
+        if rec.cell is None or rec.cell.bench:
+            rec, robot = with_robot(rec)
+        else:
+            robot = recorded_cell(rec).scene
+            rec = in_order(rec, robot.joints)
     except UserError as error:
-        raise UserError(str(error), file=header) from error
+        raise error if error.file else UserError(str(error), file=header) from error
     contact = touch(rec, robot)
     if contact is None:
         return None
