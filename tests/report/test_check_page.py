@@ -15,6 +15,7 @@ from vispeg.recordings.checks.check import check
 from vispeg.recordings.checks.excitation import PARAMETERS
 from vispeg.recordings.checks.plot import plot
 from vispeg.recordings.checks.quality import Limits
+from vispeg.recordings.recording import Control
 from vispeg.report.checked.examined import examined
 from vispeg.report.checked.page import lines_of, render
 
@@ -147,6 +148,7 @@ def test_contact_is_shaded_where_the_sensor_feels_a_force():
     rec = replace(rec, ft=ft, wrench=WrenchSensor(), noise={"ft": 0.02, "ft_torque": 0.02})
     found = check_contact(rec)
     assert found is not None
+    rec = replace(rec, control=Control("unknown", RATE))
     for some in (slice(None, None, -1), slice(6)):  # another order of the joints, and without the last, which rests
         other = check_contact(replace(rec, joints=rec.joints[some], q=rec.q[:, some]))
         assert other is not None
