@@ -17,7 +17,7 @@ from vispeg.contact.errors.floors import floors
 from vispeg.contact.hand import Grasp
 from vispeg.contact.inputs import ContactItem, Touching
 from vispeg.contact.path import Path
-from vispeg.contact.phases import Phases
+from vispeg.contact.phases import Phases, nearest
 from vispeg.contact.sensor import hand_world, true_per_read, true_wrench
 from vispeg.contact.thin import thinned, without
 from vispeg.contact.torques import calm
@@ -204,6 +204,6 @@ def _item(
 
 def _read(t: Touching, path: Path) -> np.ndarray:
     """Return for each step of the path whether the nearest sample has a wrench and all angles, (n,) bool."""
-    rows = path.rows[np.rint(np.interp(path.time, path.clock, np.arange(len(path.clock)))).astype(int)]
+    rows = path.rows[nearest(path.clock, path.time)]
     read = np.concatenate([t.wrench[rows], t.recording.q[rows]], axis=1)
     return np.isfinite(read.sum(axis=1))

@@ -81,7 +81,12 @@ class Phases:
 
     def rows(self, clock: np.ndarray) -> np.ndarray:
         """Return the recording's sample nearest to each block's middle, (m,), by its clock."""
-        return np.clip(np.searchsorted(clock, self.time), 0, len(clock) - 1)
+        return nearest(clock, self.time)
+
+
+def nearest(clock: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Return the index of the sample of an increasing `clock` (k,) s that is nearest to each time (n,) s, (n,) int."""
+    return np.rint(np.interp(time, clock, np.arange(len(clock)))).astype(int)
 
 
 def phases(touch: Touch, path: Path, scene: Scene, block: float) -> Phases | None:
@@ -93,7 +98,7 @@ def phases(touch: Touch, path: Path, scene: Scene, block: float) -> Phases | Non
     """
     size = max(1, round(block / path.step))
     m = len(path.time) // size
-    at = path.rows[np.clip(np.searchsorted(path.clock, path.time[: m * size]), 0, len(path.clock) - 1)]
+    at = path.rows[nearest(path.clock, path.time[: m * size])]
     regime, speed = touch.regime[at].reshape(m, size), np.linalg.norm(touch.velocity[at], axis=1).reshape(m, size)
     counts = np.stack([(regime == k).sum(axis=1) for k in range(len(NAMES))], axis=1)
     code = np.where(counts[:, IMPACT] > 0, IMPACT, counts.argmax(axis=1))
