@@ -43,10 +43,8 @@ def test_an_error_of_the_path_pushes_in_contact_and_in_free_air_as_a_hand_driven
     off = np.zeros((1, 2, len(path.time), 6))
     off[0, :, :, :3] = swing * Rotation.from_quat(path.frame, scalar_first=True).inv().apply(size)
     wrench = true_wrench(path, hand_world(item.source.believed, World()))[None]
-    with_error, without = (
-        drive(item.armless, item.source.scene, path, world, wrench, phase.rest, phase.windows, 1, deviation=deviation)
-        for deviation in (off, None)
-    )
+    given = (item.armless, item.source.scene, path, world, wrench, phase.rest, phase.windows, 1)
+    with_error, without = drive(*given, deviation=lambda _: off), drive(*given)
     change = phase.means(with_error.correction - without.correction)[0, :, 2]
     column = _misplaced(item, np.sin(turn * phase.time)[:, None])[2][:, 2]
     for some in (phase.of("free") & ~phase.near, phase.of("press")):

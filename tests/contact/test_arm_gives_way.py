@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from vispeg.contact.items import driven
 from vispeg.contact.run import evidence_of
 from vispeg.contact.yielding import arm_displacement
 from vispeg.core.effect import EffectInstance, effect
@@ -88,6 +89,18 @@ def test_the_true_arm_is_at_the_floor_and_a_press_on_the_table_tells_it_from_the
     apart = [fixture[list(some)].sum(axis=0).min() - arm[list(some)].sum() for some in ((0,), (0, 1), (0, 2))]
     assert apart[0] < apart[1] < apart[2] and apart[2] > max(2 * apart[0], 1.5 * CHANCE)
     assert effect("fixture_compliance").told_from["arm_compliance"] == "touch-datum"
+
+
+def test_what_a_sensor_reads_of_nothing_does_not_move_the_hand(soft):
+    """15 N and 1 N m of zero: constant in the flange's axes, but not in the joints' torques along a path."""
+    (item,) = evidence_of([soft[0]]).items
+    zero = np.repeat([15.0, 1.0], 3)
+    other = replace(item, path=replace(item.path, wrench=item.path.wrench + zero))
+    raw, shifted = (driven(i, [World().add(ARM)]) for i in (item, other))
+    np.testing.assert_allclose(shifted.zero, raw.zero + zero)
+    air = slice(0, int(np.argmax(item.phase.near)) * item.phase.size)  # a press that knocks amplifies rounding
+    assert np.abs(raw.place[0, air] - item.path.place[air]).max() > 1e-4
+    np.testing.assert_allclose(shifted.place[0, air], raw.place[0, air], atol=1e-7)
 
 
 def test_an_angle_that_was_not_read_does_not_move_the_hand(soft):

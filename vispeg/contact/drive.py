@@ -5,7 +5,7 @@ A hand is the cell without its arm, held to the path by springs (`vispeg.contact
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -53,7 +53,7 @@ def drive(
     windows: Sequence[slice],
     nthread: int,
     shift: np.ndarray | None = None,
-    deviation: np.ndarray | None = None,
+    deviation: Callable[[np.ndarray], np.ndarray | None] = lambda wrench: None,
     per_read: np.ndarray | None = None,
 ) -> Driven:
     """Drive the hands of `worlds` (all with the same springs built in) through windows of a path.
@@ -72,7 +72,8 @@ def drive(
         windows: ranges of the path's samples that are simulated, in order.
         nthread: threads of the batch.
         shift: (nworld, 6) m and rad, constant offset of each hand from the path, in the axes of the hand's start pose.
-        deviation: (nworld, 2, n, 6) offset of each hand's coordinates and rates from those of the path, per sample.
+        deviation: returns the offset (nworld, 2, n, 6) of each hand's coordinates and rates from those of the path, per
+            sample, or None; its argument is `wrench` without the sensor's zero.
         per_read: (nworld,) true force change per newton read; 1 by default.
     """
     batch = hands(scene, cell, path, worlds, nthread)
@@ -84,14 +85,16 @@ def drive(
         batch.expand("body_pos")[:, body] = path.origin + turn.apply(shift[:, :3])
         batch.expand("body_quat")[:, body] = (turn * Rotation.from_rotvec(shift[:, 3:])).as_quat(scalar_first=True)
     qpos, qvel, bias = batch.bind("qpos"), batch.bind("qvel"), batch.bind("qfrc_bias")
-    place = np.tile(path.place, (len(worlds), 1, 1)) + (0 if deviation is None else deviation[:, 0])
-    rate = np.tile(path.rate, (len(worlds), 1, 1)) + (0 if deviation is None else deviation[:, 1])
-    qpos[:, :6], qvel[:, :6] = place[:, rest.start], rate[:, rest.start]
+    qpos[:, :6], qvel[:, :6] = path.place[rest.start], path.rate[rest.start]
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
     weight = np.linalg.solve(path.jacobian[rest.start], bias[:, :6].T).T
     zero = wrench[:, rest].mean(axis=1) - weight
+    exerted = wrench - zero[:, None]
+    off = deviation(exerted)
+    place = np.tile(path.place, (len(worlds), 1, 1)) + (0 if off is None else off[:, 0])
+    rate = np.tile(path.rate, (len(worlds), 1, 1)) + (0 if off is None else off[:, 1])
     damping = -batch.expand("actuator_biasprm")[:, None, 6:12, 2]
-    applied = np.einsum("nij,wnj->wni", path.jacobian, wrench - zero[:, None])
+    applied = np.einsum("nij,wnj->wni", path.jacobian, exerted)
     correction, went = np.full(wrench.shape, np.nan), place.copy()
     pieces, where = Pieces(batch, batch.model, scene), tip_places(path, cell)
     for window in windows:  # joints other than the hand's continue from the last window's end

@@ -49,11 +49,10 @@ def driven(
     hand_worlds = [hand_world(item.source.believed, w) for w in worlds]
     wrench = np.stack([true_wrench(item.path, w) for w in hand_worlds])
     windows = item.phase.windows if windows is None else windows
-    cell, rest, off = item.source.scene, item.phase.rest, arm_displacement(item, hand_worlds, wrench)
-    gain = _true_per_read(item, worlds)
     return drive(
-        item.armless, cell, item.path, hand_worlds, wrench, rest, windows, nthread, deviation=off, per_read=gain
-    )
+        item.armless, item.source.scene, item.path, hand_worlds, wrench, item.phase.rest, windows, nthread,
+        deviation=lambda exerted: arm_displacement(item, hand_worlds, exerted), per_read=_true_per_read(item, worlds),
+    )  # fmt: skip
 
 
 def _true_per_read(item: ContactItem, worlds: Sequence[World]) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Position of the hand if the arm yields behind its encoders: `-J C (tau - tau_0)` off the measured path.
 
 A joint's torque is due to the weight of its links and to the wrench of the flange on the tool, `g(q) + J' W`; `tau_0`
-is its value at the start of the episode. A sensor's zero is constant and cancels.
+is its value at the start of the episode.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ def arm_displacement(item: ContactItem, worlds: Sequence[World], wrench: np.ndar
     Args:
         item: an episode.
         worlds: worlds with the effects that a wrench can show.
-        wrench: (nworld, n, 6) N, N m, wrench on the tool according to each world's sensor, flange axes.
+        wrench: (nworld, n, 6) N, N m, wrench on the tool according to each world's sensor without its zero, flange
+            axes; a zero would not cancel, because J changes along the path.
 
     Returns:
         (nworld, 2, n, 6): the hand's coordinates (m, rad) minus the path's, and their rates; None if no world yields.
