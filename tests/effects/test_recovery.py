@@ -79,8 +79,10 @@ def test_truth_is_recovered(name):
     """Every parameter within 1.5 half-widths (three standard errors), and no worse a fit than the truth."""
     fit, cost = fitted(name)
     assert fit.converged and not fit.at_bound and not fit.weak
-    # roundings never repeat: over ten fits an encoder's cost was 0.9 to 1.83 times that of the truth
-    assert fit.cost <= (1.01 if REGISTRY[name].smooth else 2.0) * cost
+    kind = REGISTRY[name]
+    # where in a step an encoder begins is drawn: over ten seeds its cost was 0.9 to 1.83 times that of the truth
+    rounded = kind.resolution(truth_of(name)) > 0
+    assert fit.cost <= (2.0 if rounded else 1.01 if kind.smooth else 1.5) * cost
     assert max(misses(name).values()) < 1.5, misses(name)
 
 
