@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.core.extras import missing
+from vispeg.core.extras import require
 from vispeg.formats.guard import as_written, refuse_special
 from vispeg.formats.json_data import read_json
 from vispeg.recordings.frames.camera import RecordedCamera
@@ -61,6 +61,7 @@ def import_video(
         kinds = {key: feature["dtype"] for key, feature in info["features"].items()}
         pattern, chunk = str(info.get("video_path") or ""), int(info.get("chunks_size") or 1000)
     keys = _keys(wanted, kinds, root)
+    require("av", "a video")
     album = Album(scratch)
     episodes = rec.episode if rec.episode is not None else np.zeros(len(rec.time), np.int64)
     _refuse_numbers(table, episodes)
@@ -133,13 +134,11 @@ def _episode(root: Path, key: str, episode: int) -> dict[str, float]:
 def decoded(file: Path, times: np.ndarray, start: float) -> Iterator[tuple[float, np.ndarray]]:
     """Yield each time (s, from the episode's beginning) and the picture that the video shows then, (H, W, 3) uint8.
 
-    A time at which the video has no frame is left out. Raises UserError: no PyAV, or no video.
+    A time at which the video has no frame is left out. Raises UserError: no video.
     """
-    try:
-        import av
-        from av.error import FFmpegError
-    except ImportError as error:
-        raise missing("av", "a video", file=str(file)) from error
+    import av
+    from av.error import FFmpegError
+
     try:
         with av.open(str(file)) as video:
             stream = video.streams.video[0]
