@@ -41,7 +41,7 @@ def truth_of(name: str) -> dict[str, float]:
 
 
 @lru_cache
-def fitted(name: str) -> tuple[Fit, float]:
+def fitted(name: str, seed: int = 5) -> tuple[Fit, float]:
     """The fit to two noisy 1.6 s recordings and the mean squared whitened residual of the truth itself."""
     kind = REGISTRY[name]
     where = kind.targets(ROBOT)[len(kind.targets(ROBOT)) // 2]
@@ -49,7 +49,7 @@ def fitted(name: str) -> tuple[Fit, float]:
     motions = [iiwa_segment(mode_of(kind), 1.6, motion) for motion in ("fourier", "triangle")]
     step = min(2e-3, kind.stable_step(truth_of(name)))
     evidence = Evidence(
-        [recorded(ROBOT, "iiwa14", truth, s, stream(5, name, i), h_max=step) for i, s in enumerate(motions)]
+        [recorded(ROBOT, "iiwa14", truth, s, stream(seed, name, i), h_max=step) for i, s in enumerate(motions)]
     )
     guesses = [{}]
     if where in ROBOT.joints:
@@ -80,9 +80,10 @@ def test_truth_is_recovered(name):
     fit, cost = fitted(name)
     assert fit.converged and not fit.at_bound and not fit.weak
     kind = REGISTRY[name]
-    # where in a step an encoder begins is drawn: over ten seeds its cost was 0.9 to 1.83 times that of the truth
-    rounded = kind.resolution(truth_of(name)) > 0
-    assert fit.cost <= (2.0 if rounded else 1.01 if kind.smooth else 1.5) * cost
+    # roundings never repeat, and the cost depends on where in a step an encoder begins: the median of five draws
+    others = [fitted(name, seed) for seed in range(6, 10)] if kind.resolution(truth_of(name)) > 0 else []
+    worse = np.median([f.cost / c for f, c in [(fit, cost), *others]])
+    assert worse <= (1.01 if kind.smooth else 1.5)
     assert max(misses(name).values()) < 1.5, misses(name)
 
 
