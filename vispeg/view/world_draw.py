@@ -77,8 +77,9 @@ class Draws:
         """
         self.tell("say", f"drawing seed {seed}")
         with TemporaryDirectory() as folder:
-            file = write_text_atomic(Path(folder) / "world.yaml", changed_text(world, "drawn", moved))
-            env = TaskVec(1, str(file) if moved else world, obs_mode="rgbd", render_mode="rgb_array")
+            if moved:
+                world = str(write_text_atomic(Path(folder) / "world.yaml", changed_text(world, "drawn", moved)))
+            env = TaskVec(1, world, obs_mode="rgbd", render_mode="rgb_array")
         try:
             obs, _ = env.reset(seed=[seed])
             snapshot, values = env.sim.snapshot(0), env.drawn(0).values
