@@ -85,6 +85,25 @@ def test_missing_readings_push_nothing_and_a_long_gap_is_left_open(column, press
     np.testing.assert_allclose(holed.steady, found.steady, rtol=0.1)
 
 
+def twice(rec: Recording, second: float) -> Recording:
+    """Two episodes of the same samples, the second from so many seconds on; its forces (N) have another zero."""
+    both = {k: np.concatenate([v, v]) for k in ("q", "dq", "tau", "ft", "ee_cmd") if (v := getattr(rec, k)) is not None}
+    both["ft"][len(rec.time) :, :3] += 5.0
+    episode = np.repeat([0, 1], len(rec.time))
+    return replace(rec, time=np.concatenate([rec.time, rec.time + second]), episode=episode, **both)
+
+
+def test_a_clock_that_runs_on_between_episodes_changes_nothing(pressed):
+    """Each episode has its own zero and its own start at rest, whether or not time steps back there."""
+    one, on = twice(pressed, 0.0), twice(pressed, pressed.time[-1] + 0.002)
+    np.testing.assert_array_equal(touch(on, FOUND.scene).regime, touch(one, FOUND.scene).regime)
+    found = [external(rec, FOUND.scene.nominal) for rec in (one, on)]
+    np.testing.assert_allclose(found[1].wrench, found[0].wrench, atol=0.02)
+    np.testing.assert_allclose(found[1].steady, found[0].steady, rtol=0.1)  # a block may begin one sample later
+    noise = [calm(rec, estimate).noise for rec, estimate in zip((one, on), found, strict=True)]
+    assert noise[1] == pytest.approx(noise[0], rel=0.01)
+
+
 @pytest.mark.parametrize("zeros", [(0.0,), (0.0, 5.0), (3.0, -1.0, 2.0)])
 def test_the_noise_of_several_episodes_is_that_within_each(zeros):
     """Each episode has its own zero (N), which is no noise."""

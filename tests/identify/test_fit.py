@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -59,7 +60,7 @@ def test_two_frictions_are_told_apart_and_recovered():
     result = fit(evidence(TRUTH, 0), START)
     np.testing.assert_allclose(values(result.world), [0.7, 0.4], atol=0.01)
     assert result.converged and not result.at_bound and not result.weak
-    assert result.cost == pytest.approx(0.75, abs=0.08)  # unit variance on the three quarters that are compared
+    assert result.cost == pytest.approx(1.0, abs=0.1)
     assert abs(result.correlation[0, 1]) > 0.3 and result.correlation[0, 0] == pytest.approx(1.0)
 
 
@@ -72,6 +73,17 @@ def test_a_record_of_a_fit_has_the_error_that_a_comparison_of_its_model_has():
     record, world = fit_record(START, found, [0], ev, None)
     assert record["chi2"] > 100.0 and record["starts"][0]["chi2"] == record["chi2"]
     assert record["chi2"] == pytest.approx(compare(world, recordings).record["chi2"], rel=1e-6)
+
+
+def test_misfit_widens_intervals_by_what_is_left_where_readings_are_compared():
+    """Errors of three stated noises widen as a variance of nine would, also where readings are not compared."""
+    bold = [replace(rec, noise={k: v / 3.0 for k, v in rec.noise.items()}) for rec in evidence(TRUTH, 0).recordings]
+    ev = Evidence(bold, h_max=2.5e-3)
+    result = fit(ev, START)
+    variance = float(np.mean(result.residual[np.concatenate([i.valid.ravel() for i in ev.items])] ** 2))
+    assert 5.0 < variance
+    ordinary = np.diag(np.linalg.inv(result.jacobian.T @ result.jacobian))
+    assert np.all(result.sigma**2 >= variance * ordinary * (1 - 1e-9))
 
 
 def test_the_start_is_one_of_the_points_that_iterations_limits():

@@ -44,7 +44,8 @@ def estimated(rec: Recording, scene: Scene) -> tuple[Recording, External]:
 def calm(rec: Recording, estimate: External) -> Recording:
     """Return the wrench with its noise per sample, for detecting contact."""
     read = np.isfinite(estimate.wrench.sum(axis=1))
-    starts = [rows[(rec.time[rows] <= rec.time[rows[0]] + STILL) & read[rows]] for rows in episodes(rec.time)]
+    runs = episodes(rec.time, rec.episode)
+    starts = [rows[(rec.time[rows] <= rec.time[rows[0]] + STILL) & read[rows]] for rows in runs]
     sigma = np.sqrt(np.mean([estimate.wrench[start].var(axis=0) for start in starts if len(start)], axis=0))
     force, torque = (float(sigma[part].mean()) for part in (slice(0, 3), slice(3, 6)))
     return replace(rec, noise={**rec.noise, "ft": force, "ft_torque": torque})

@@ -45,7 +45,7 @@ class Fit:
         weak: labels of parameters (or directions) that the evidence does not determine.
         converged: whether the optimizer met its tolerance; also True where any further gain would lie within the
             residual's roughness (`Settled`).
-        cost: mean squared whitened residual over all entries; those not compared are 0.
+        cost: mean squared whitened residual over the readings that are compared.
     """
 
     world: World
@@ -174,7 +174,7 @@ def fit_job(
                     trace.chosen(costs)
             best = candidates[int(np.argmin(costs))]
         point = Point(space, submit, trace, columns, evidence.rough)
-        point, u, converged = _least_squares(point, best, iterations, race, trace, evidence.length)
+        point, u, converged = _least_squares(point, best, iterations, race, trace, max(evidence.count, 1))
         return _summary(evidence, space, u, converged, point)
 
     return job
@@ -186,16 +186,16 @@ def squares(r: np.ndarray) -> float:
 
 
 def _least_squares(
-    point: Point, u0: np.ndarray, iterations: int, race: Race | None, trace: Trace | None, size: int
+    point: Point, u0: np.ndarray, iterations: int, race: Race | None, trace: Trace | None, count: int
 ) -> tuple[Point, np.ndarray, bool]:
     """Return `point`, the solution, and `Fit.converged`; the fit begins at `u0` (naxis,).
 
-    `size` is the residual's length; the other arguments are as in `fit_job`.
+    `count` readings are compared; the other arguments are as in `fit_job`.
     """
     low, high = point.space.bounds
 
     def lap(intermediate_result: optimize.OptimizeResult) -> None:
-        cost = 2.0 * intermediate_result.cost / size
+        cost = 2.0 * intermediate_result.cost / count
         if trace is not None:
             trace.lap(intermediate_result.nit, cost)
         if race is not None:
@@ -237,6 +237,7 @@ def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, p
     columns = (jac,) if point.columns is None else (point.columns, jac[:, point.columns.shape[1] :].copy())
     sigma, correlation, weak = _uncertainty(evidence, r, jac, space)
     low, high = space.bounds
+    cost = float(r @ r) / max(evidence.count, 1)
     t = float(stats.t.ppf(0.975, max(2, len(np.unique(evidence.blocks())) - len(u))))
     effects: list[EffectInstance] = list(space.world.effects)
     bound = []
@@ -248,7 +249,7 @@ def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, p
         if not axis.param.shape and min(value - lo, hi - value) < 1e-6 * max(1.0, hi - lo):
             bound.append(f"{placed.label}.{axis.name}")
     world = replace(space.world, effects=tuple(effects))
-    return Fit(world, r, columns, space, u, sigma, correlation, tuple(bound), weak, converged, float(np.mean(r * r)))
+    return Fit(world, r, columns, space, u, sigma, correlation, tuple(bound), weak, converged, cost)
 
 
 def _uncertainty(
@@ -272,7 +273,7 @@ def _uncertainty(
     score = np.zeros((blocks.max() + 1, n))
     np.add.at(score, blocks, jac * r[:, None])
     cov = inverse @ (score.T @ score) @ inverse
-    alone = np.diag(inverse) * max(1.0, float(np.mean(r * r))) * evidence.correlated
+    alone = np.diag(inverse) * max(1.0, float(r @ r) / max(evidence.count, 1)) * evidence.correlated
     cov = np.maximum(np.diag(cov), alone)
     spread = _between(evidence, r, jac)
     sigma = np.sqrt(np.maximum(cov, spread**2))

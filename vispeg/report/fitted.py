@@ -70,7 +70,6 @@ def fit_record(
         effects[i] = replace(effects[i], origin=origin)
     final = replace(fit.world, effects=tuple(effects))
     names = labels(fit)
-    per_reading = evidence.length / max(evidence.count, 1)  # costs are means over all entries, compared or not
     record: FitRecord = {
         "format": "vispeg-fit/1",
         "method": calibration.method,
@@ -81,8 +80,8 @@ def fit_record(
             for label, f, h in zip(("initial", "fitted"), fitted, held, strict=True)
         ],
         "noise_floor": {"value": floor, "unit": unit},
-        "chi2": fit.cost * per_reading,
-        "starts": [{"chi2": c * per_reading} for c in calibration.costs],
+        "chi2": fit.cost,
+        "starts": [{"chi2": c} for c in calibration.costs],
         "correlations": {"labels": names, "matrix": np.round(fit.correlation, 4).tolist()},
         "hardly_told_apart": [{"a": a, "b": b, "correlation": round(c, 4)} for a, b, c in strong_pairs(fit)],
         "at_bound": list(fit.at_bound),

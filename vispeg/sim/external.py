@@ -148,7 +148,7 @@ def _white(rec: Recording) -> np.ndarray:
     assert rec.tau is not None
     if "tau" in rec.noise:
         return np.full(rec.q.shape[1], float(rec.noise["tau"]))
-    start = episodes(rec.time)[0]
+    start = episodes(rec.time, rec.episode)[0]
     return np.maximum(highpass_sigma(rec.tau[start[rec.time[start] <= rec.time[start[0]] + STILL]]), 1e-6)
 
 
@@ -164,7 +164,7 @@ def _steady(rec: Recording, residual: np.ndarray, jac: np.ndarray, white: np.nda
     air_means, null_means, weights = [], [], []
     blind = np.linalg.svd(np.swapaxes(jac, 1, 2))[0][:, :, 6:]  # (n, nj, nj - 6), torques that no wrench causes
     size = max(1, round(BLOCK * rec.rate_hz))
-    for rows in episodes(rec.time):
+    for rows in episodes(rec.time, rec.episode):
         clock = rec.time[rows] - rec.time[rows[0]]
         zero = residual[rows[clock <= STILL]].mean(axis=0)
         air = rows[(clock > STILL) & (clock <= AIR)]

@@ -156,7 +156,7 @@ def _zeroed(rec: Recording, residual: np.ndarray, axes: np.ndarray) -> np.ndarra
     """Subtract the sensor's zero offset, constant in flange axes, from `residual` (n, 6) in base axes."""
     halves = [np.einsum("nji,nj->ni", axes, v) for v in (residual[:, :3], residual[:, 3:])]
     inner = np.concatenate(halves, axis=1)
-    for rows in episodes(rec.time):
+    for rows in episodes(rec.time, rec.episode):
         start = rows[rec.time[rows] <= rec.time[rows[0]] + STILL]
         inner[rows] -= np.nanmedian(inner[start], axis=0)
     return np.concatenate([np.einsum("nij,nj->ni", axes, v) for v in (inner[:, :3], inner[:, 3:])], axis=1)

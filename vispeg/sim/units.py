@@ -20,16 +20,16 @@ from vispeg.sim.nominal import UNUSED
 def needs_of(robot: RobotModel, rec: Recording) -> Needs | None:
     """Return a function for the model's inverse dynamics; None if the recording has other joints than the robot.
 
-    It takes q, dq and ddq (n, nj) in rad, rad/s and rad/s^2 and returns torques (n, nj) N m.
+    It takes q, dq and ddq (n, nj) in rad, rad/s and rad/s^2 and returns torques (n, nj) N m, in the recording's order.
     """
-    if tuple(rec.joints) != robot.joints:
+    if set(rec.joints) != set(robot.joints):
         return None
 
     model = copy(compiled(robot))
     model.opt.disableflags |= UNUSED
     data = mujoco.MjData(model)
-    places = [model.joint(joint).qposadr[0] for joint in robot.joints]
-    dofs = [model.joint(joint).dofadr[0] for joint in robot.joints]
+    places = [model.joint(joint).qposadr[0] for joint in rec.joints]
+    dofs = [model.joint(joint).dofadr[0] for joint in rec.joints]
 
     def needs(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         out = np.empty_like(q)

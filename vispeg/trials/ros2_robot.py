@@ -65,7 +65,7 @@ class Ros2Node:
         """Reset to the start of this number, at rest."""
         start = self.robot.begin(seed)
         self.link.forget()
-        self.held, self.ended = None, False
+        self.held, self.ended, self.tare = None, False, None
         print(f"start {seed}, the goal believed at", *(f"{x:.4f}" for x in start["believed_m"]), flush=True)
 
     def tick(self) -> None:
@@ -110,8 +110,10 @@ class Ros2Node:
         force = link.geometry.WrenchStamped()
         force.header.stamp = stamp
         f, t = force.wrench.force, force.wrench.torque
-        weight = np.array(self.interface.tool.weight_n)
-        f.x, f.y, f.z, t.x, t.y, t.z = as_read(read["wrench"], self.sensor, rotation(turn[0]), weight).tolist()
+        axes = rotation(turn[0])
+        if self.tare is None or self.sensor.tared == "weight":
+            self.tare = axes.T @ self.interface.tool.weight_n
+        f.x, f.y, f.z, t.x, t.y, t.z = as_read(read["wrench"], self.sensor, axes, self.tare).tolist()
         self.force.publish(force)
 
     def _show(self, stamp: Any) -> None:
@@ -126,18 +128,18 @@ class Ros2Node:
             publisher.publish(_info(self.link, self.eyes[name], stamp))
 
 
-def as_read(wrench: np.ndarray, sensor: WrenchSensor, turn: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def as_read(wrench: np.ndarray, sensor: WrenchSensor, turn: np.ndarray, tare: np.ndarray) -> np.ndarray:
     """Convert a wrench to a sensor's convention, the inverse of `vispeg.recordings.cell.canonical`.
 
     Args:
         wrench: (6,) wrench of the tool on the flange, weight included, in flange axes, N and N m.
         sensor: the sensor's convention.
         turn: (3, 3) rotation from flange to base.
-        weight: (3,) weight of the tool in the base, N.
+        tare: (3,) force in flange axes, N, that a tared sensor subtracts: the tool's weight now, or that of its start.
     """
     force, torque = wrench[:3].copy(), wrench[3:]
     if sensor.tared:
-        force -= turn.T @ weight
+        force -= tare
     torque = torque - np.cross(sensor.pos, force)
     axes = turn if sensor.frame == "base" else rotation(sensor.quat).T
     return (-1.0 if sensor.acts_on == "tool" else 1.0) * np.concatenate([axes @ force, axes @ torque])

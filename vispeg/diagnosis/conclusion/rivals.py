@@ -95,9 +95,8 @@ def _goal(search: Searching, state: State) -> float | None:
     """
     if state.fit is None or search.evidence.alike > 0:
         return None
-    size = len(state.residual)
-    remains, noise = float(state.residual @ state.residual) / size, search.evidence.count / size
-    return remains + RULES.rival_far * max(remains - noise, RULES.rival_room)
+    remains = float(state.residual @ state.residual) / search.evidence.count
+    return remains + RULES.rival_far * max(remains - 1.0, RULES.rival_room)
 
 
 def _proposed(search: Searching, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:

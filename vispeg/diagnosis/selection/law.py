@@ -157,8 +157,8 @@ def grow(search: Searching, state: State, placed: EffectInstance, n_fixed: int) 
         return
     squared = [squares(r) for r in search.evidence.each_residual([rest.add(s) for s in starts])]
     starts = _first([starts[k] for k in np.argsort(squared)])  # a fit of backlash converges slowly from far away
-    noise = search.evidence.count / len(state.residual)
-    goal = squares(state.residual) - RULES.decisive * max(squares(state.residual) - noise, 0.0)
+    remains = float(state.residual @ state.residual) / search.evidence.count
+    goal = remains - RULES.decisive * max(remains - 1.0, 0.0)
     chases = [Chase(goal) for _ in starts]
     columns = [state.derivatives([simple])] * len(starts)
     fits = search.fits([rest.add(s) for s in starts], n_fixed, races=chases, columns=columns)

@@ -12,6 +12,7 @@ from vispeg.contact.selection.search import ContactSearch
 from vispeg.diagnosis.beginning import Beginning
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.judge import Judge
+from vispeg.recordings.differentiate import bridged
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.view.diagnose.standing import Field, Track
@@ -52,9 +53,10 @@ class Contact(Subject):
         """Return one track per episode, with one row per block of time."""
         out = []
         for item, before, after in zip(self.judged.items, *self._predicted(first, now), strict=True):
-            posture = np.nan_to_num(item.recording.q[item.segment.rows])
+            rec = item.recording
+            posture = np.nan_to_num(bridged(rec.time, rec.q, rec.episode)[item.segment.rows])
             values = [np.where(item.valid, v, np.nan) for v in (item.measured, before, after)]
-            cameras = () if item.recording.frames is None else tuple(item.recording.frames.names)
+            cameras = () if rec.frames is None else tuple(rec.frames.names)
             out.append(Track(item.name, item.segment.time, posture, *values, cameras=cameras))
         return tuple(out)
 
