@@ -9,7 +9,6 @@ from __future__ import annotations
 import zlib
 
 import numpy as np
-from scipy.special import ndtri
 
 
 def keys(name: str, seed: np.ndarray, lane: np.ndarray | int) -> np.ndarray:
@@ -31,6 +30,8 @@ def uniform(key: np.ndarray, tick: np.ndarray) -> np.ndarray:
 
 def normal(key: np.ndarray, tick: np.ndarray) -> np.ndarray:
     """Draw standard normal numbers, as `uniform`."""
+    from scipy.special import ndtri  # a quarter of a second that a command's help does not need
+
     return ndtri(uniform(key, tick))
 
 
