@@ -10,8 +10,11 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.render.backends.backend import Renderer
-from vispeg.render.block_matching import depth, eyes, settings
+from vispeg.render.block_matching import Matcher, depth, eyes, settings
 from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.standard import standard_cameras
+from vispeg.render.look import dress
+from vispeg.robots.scene import build
 from vispeg.worlds.world import World
 
 F, SIZE = 42.0, 32
@@ -19,8 +22,8 @@ EYE = Camera("eye", SIZE, SIZE, F, F, 15.5, 15.5)  # in the world's origin, look
 P = {k: q.start for k, q in effect("block_matching").params.items()}
 
 
-def wall(z: float, post: float | None = None) -> Renderer:
-    """A grey wall at z m and, at `post` m, a post as high as the image whose near face is 8 px wide."""
+def wall(z: float, post: float | None = None, camera: Camera = EYE, x: float = 0.0) -> Renderer:
+    """A grey wall at z m and, at `post` m and x m, a post as high as the image whose near face is 8 px wide."""
     spec = mujoco.MjSpec()
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX, size=(3, 3, 0.01), pos=(0, 0, z + 0.01), rgba=(0.6, 0.6, 0.6, 1)
@@ -28,9 +31,9 @@ def wall(z: float, post: float | None = None) -> Renderer:
     if post is not None:
         half = 4 * post / F
         spec.worldbody.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX, size=(half, 3, 0.001), pos=(0, 0, post + 0.001), rgba=(0.4, 0.4, 0.4, 1)
+            type=mujoco.mjtGeom.mjGEOM_BOX, size=(half, 3, 0.001), pos=(x, 0, post + 0.001), rgba=(0.4, 0.4, 0.4, 1)
         )
-    return Renderer(spec.compile(), [EYE], backend="raycast")
+    return Renderer(spec.compile(), [camera], backend="raycast")
 
 
 @pytest.mark.parametrize("z", [0.2, 0.4, 0.8])
@@ -56,6 +59,32 @@ def test_a_near_post_casts_a_shadow_to_its_left():
     lost = (rows == 0).sum(axis=1)
     assert 0.4 * width < np.median(lost) < 1.3 * width
     assert (rows[:, :14] == 0).sum() > 5 * (rows[:, 18:] == 0).sum()
+
+
+def test_matched_depth_is_that_of_the_cameras_own_lens():
+    """A post near the edge, which the lens moves inwards by 2.6 px, is in the columns of the rendered depth."""
+    camera = Camera("eye", 96, 24, F, F, 47.5, 11.5, distortion=(-0.08, 0, 0, 0, 0))
+    with wall(0.6, 0.3, camera, x=0.3 * 38 / F) as renderer:
+        rendered = renderer.render()["eye"].depth
+        seen = depth(renderer, "eye", P, stream(0, "lens"))
+    assert seen.shape == rendered.shape
+    found, true = (np.flatnonzero((np.abs(z - 0.3) < 0.03).mean(axis=0) > 0.5) for z in (seen, rendered))
+    assert len(true) and np.abs(found[[0, -1]] - true[[0, -1]]).max() <= 1
+
+
+def test_eyes_drawn_apart_sit_where_each_look_moved_the_camera():
+    scene = build()
+    camera = next(c for c in standard_cameras(scene.tip, scene.target) if c.name == "external")
+    on = EffectInstance.of("block_matching", "external", on=1.0)
+    with Renderer(scene, [camera], "raycast") as renderer:
+        matcher = Matcher(renderer, scene, "filament")
+        for x in (0.03, 0.0, -0.05):
+            world = World().add(on, EffectInstance.of("camera_offset", "external", x=x))
+            dress(renderer, scene, world)
+            matcher.begin(world, {})
+            assert np.linalg.norm(np.subtract(renderer.cameras[0].pos, camera.pos)) == pytest.approx(abs(x))
+            assert matcher._eyes is not None and matcher._eyes.cameras == renderer.cameras
+        matcher.close()
 
 
 def test_the_eyes_see_the_cameras_pixels():

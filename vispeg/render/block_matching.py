@@ -22,7 +22,8 @@ from vispeg.core.seeds import stream
 from vispeg.effects.common.field import normal
 from vispeg.effects.common.light import LUMA, to_linear
 from vispeg.render.backends.backend import Renderer, Shot
-from vispeg.render.cameras.camera import PINHOLE, Camera
+from vispeg.render.backends.warp import Warp
+from vispeg.render.cameras.camera import Camera
 from vispeg.render.look import dress
 from vispeg.render.snapshot import Snapshot
 from vispeg.robots.scene import Scene
@@ -55,7 +56,7 @@ class Matcher:
         found = {c.name: settings(world, c.name) for c in self.renderer.cameras}
         self._settings = {name: p for name, p in found.items() if p is not None}
         if self._settings and self.apart:
-            self._eyes = self._eyes or Renderer(self.scene, self.renderer.cameras, "auto")
+            self._eyes = self._eyes or Renderer(self.scene, self.renderer.nominal, "auto")
             dress(self._eyes, self.scene, world, bodies)
 
     def depths(self, seed: int, snapshot: Snapshot) -> dict[str, np.ndarray]:
@@ -96,7 +97,10 @@ def depth(
     rng: np.random.Generator,
     qpos: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the depth image that block matching finds, without lens distortion.
+    """Return the depth image that block matching finds, in the pixels of the camera with its own lens.
+
+    The images of a camera with lens distortion are rectified: depth is computed in those of a pinhole, of which each
+    pixel takes the nearest.
 
     Args:
         renderer: the renderer, with the world's look; its cameras are restored afterwards.
@@ -115,8 +119,10 @@ def depth(
     if camera not in cameras:
         raise UserError("no such camera", got=camera, choices=cameras)
     full = {k: q.start for k, q in effect(NAME).params.items()} | dict(p)
-    scale = max(1, round(full["focal"] / cameras[camera].fx))
-    left, right, span = eyes(cameras[camera], scale, full["baseline"], full["nearest"])
+    warp = Warp(cameras[camera]) if any(cameras[camera].distortion) else None
+    rectified = warp.pinhole if warp else cameras[camera]
+    scale = max(1, round(full["focal"] / rectified.fx))
+    left, right, span = eyes(rectified, scale, full["baseline"], full["nearest"])
     aimed = renderer.cameras
     renderer.aim([left, right])
     try:
@@ -127,14 +133,15 @@ def depth(
     gray = [_eye_image(shots[c.name], c, offset[c.name], full, rng) for c in (left, right)]
     d = _match(gray[0], gray[1], span, int(full["window"]))[:, span:-MARGIN]
     fine = np.divide(np.float32(left.fx * full["baseline"]), d, out=np.zeros_like(d), where=d > 0)
-    return _median(fine, scale)
+    found = _median(fine, scale)
+    return warp.nearest(found) if warp else found
 
 
 def eyes(camera: Camera, scale: int, baseline: float, nearest: float) -> tuple[Camera, Camera, int]:
     """Return the left and the right eye, and the range of disparities in px.
 
     Args:
-        camera: the camera whose depth is computed.
+        camera: the camera whose depth is computed, a pinhole.
         scale: resolution of the eyes over that of the camera.
         baseline: distance of the eyes, m.
         nearest: least depth to match, m.
@@ -153,7 +160,6 @@ def eyes(camera: Camera, scale: int, baseline: float, nearest: float) -> tuple[C
         fy=camera.fy * scale,
         cx=(camera.cx + 0.5) * scale - 0.5 + span,
         cy=(camera.cy + 0.5) * scale - 0.5,
-        distortion=PINHOLE,
     )
     shift = camera.rotation @ np.array([baseline, 0.0, 0.0])
     right = left.moved(name=f"{camera.name} right eye", pos=tuple((np.array(camera.pos) + shift).tolist()))

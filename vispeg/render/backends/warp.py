@@ -41,11 +41,14 @@ class Warp:
         """Return the distorted picture: colour is interpolated; depth, ids and normals are of the nearest pixel."""
         import cv2
 
-        u, v = self._nearest[..., 0], self._nearest[..., 1]
         rgb = cv2.remap(picture.rgb, self._map[..., 0], self._map[..., 1], cv2.INTER_LINEAR)
         return Picture(
             rgb,
-            picture.depth[v, u],
-            None if picture.ids is None else picture.ids[v, u],
-            None if picture.normals is None else picture.normals[v, u],
+            self.nearest(picture.depth),
+            None if picture.ids is None else self.nearest(picture.ids),
+            None if picture.normals is None else self.nearest(picture.normals),
         )
+
+    def nearest(self, image: np.ndarray) -> np.ndarray:
+        """Return an undistorted image (h, w, ...) with distortion, (H, W, ...): each pixel is the nearest one there."""
+        return image[self._nearest[..., 1], self._nearest[..., 0]]
