@@ -147,6 +147,10 @@ def test_occlusion_covers_the_stated_area(seed):
     v, u = np.nonzero(hidden)
     assert hidden[v.min() : v.max() + 1, u.min() : u.max() + 1].all()  # a rectangle
     assert len(np.unique(frame.rgb[0][hidden], axis=0)) == 1 and (frame.rgb[0][~hidden] == 0.5).all()
+    labelled = plane(0.3)
+    labelled.parts = np.full(labelled.depth.shape, 7, np.uint8)
+    parts = apply("occlusion", labelled, area=0.15, count=1, seed=float(seed)).parts[0]
+    np.testing.assert_array_equal(parts, np.where(hidden, 0, 7))  # a hidden pixel shows none
     three = apply("occlusion", plane(0.3), area=0.15, count=3, seed=float(seed)).depth == 0
     assert 0.05 < three.mean() < 0.17
 

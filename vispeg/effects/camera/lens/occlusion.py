@@ -20,6 +20,7 @@ class Occlusion(CameraEffect):
 
     name = "occlusion"
     order = 45
+    random = True
     params = {
         "area": Param(0.0, 0.0, 0.4, "1", start=0.1, doc="share of the image; less if rectangles overlap"),
         "count": Param(2.0, 1.0, 8.0, "1", start=2.0, shape=True, doc="number of rectangles"),
@@ -34,6 +35,8 @@ class Occlusion(CameraEffect):
                     frame.rgb[(row, *where)] = colour
                 if frame.depth is not None:
                     frame.depth[(row, *where)] = 0
+                if frame.parts is not None:
+                    frame.parts[(row, *where)] = 0
 
 
 @lru_cache(maxsize=1024)  # the same for a whole episode
