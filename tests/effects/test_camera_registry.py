@@ -113,6 +113,20 @@ def test_an_image_depends_on_its_own_seed_and_world_only(name):
 
 
 @pytest.mark.parametrize("name", IMAGE)
+def test_what_is_drawn_anew_on_a_smooth_surface_is_said_to_be_random(name):
+    """A comparison of pictures predicts the others. There is no edge here, so chance at edges alone does not count."""
+    depth = np.repeat(np.linspace(0.2, 0.4, 64, dtype=np.float32)[None, None], 60, axis=1)
+    rgb, K = np.full((1, 60, 64, 3), 0.4, np.float32), busy(1).K
+    given = [
+        Frame(rgb + np.float32(0.1 * i), depth + np.float32(0.01 * i), K, velocity=np.ones((1, 6)), time=np.full(1, i))
+        for i in range(5)
+    ]
+    own = [{"seed": float(s)} if "seed" in CAMERA[name].params else {} for s in (1, 2)]
+    one, other = (run([world(name, **p)], given, [s]) for s, p in enumerate(own, 1))
+    assert CAMERA[name].random is not all(map(same, one, other))
+
+
+@pytest.mark.parametrize("name", IMAGE)
 def test_colour_or_depth_alone(name):
     """A camera that gives only one of the two is no mistake."""
     given = frames(1)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vispeg.core.effect import effect
+from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
 from vispeg.recordings.frames.frames import RecordedFrame
 from vispeg.recordings.frames.joints import joints_at
@@ -26,16 +26,6 @@ from vispeg.worlds.world import World
 
 WINDOW = 8.0  # px
 FLAT = "table"
-CHANCE = (
-    "depth_dropout",
-    "depth_noise",
-    "depth_temporal",
-    "disparity_noise",
-    "dropped_frames",
-    "lateral_jitter",
-    "occlusion",
-    "rgb_noise",
-)  # what is new in every frame or episode: no prediction has it
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,10 +201,14 @@ def _delivered(world: World, rendering: Rendering) -> Rendering:
     """Return the picture after what the world's sensor does to it alike in every frame: no noise, nothing that is
     lost.
     """
-    steady = world.only(lambda e: effect(e.effect).family == "camera" and e.effect not in (*DRAWN, *CHANCE))
-    if not steady.effects:
+
+    def steady(kind: Effect) -> bool:
+        return kind.family == "camera" and kind.name not in DRAWN and not getattr(kind, "random", False)
+
+    world = world.only(lambda e: steady(effect(e.effect)))
+    if not world.effects:
         return rendering
-    rgb, depth = through_sensor(steady, rendering, 0, bend=False)
+    rgb, depth = through_sensor(world, rendering, 0, bend=False)
     return replace(rendering, rgb=rgb, depth=depth)
 
 

@@ -20,6 +20,7 @@ class CameraEffect(Effect):
 
     Class attributes:
         photometric: True if it changes only each pixel's colour, on its own and in the same way in every frame.
+        random: True if it is drawn anew in each frame or episode, so that no picture can be predicted with it.
         parts: groups of parameters, each of which is a fault by itself, without the others.
         part_of: an effect of which this one is a special case, and the parameter there that is the same.
         channel: the channel of images in which a diagnosis searches it: `border`, `depth` or `light`; empty for none.
@@ -27,6 +28,7 @@ class CameraEffect(Effect):
 
     family = "camera"
     photometric: ClassVar[bool] = False
+    random: ClassVar[bool] = False
     parts: ClassVar[tuple[tuple[str, ...], ...]] = ()
     part_of: ClassVar[tuple[str, str] | None] = None
     channel: ClassVar[str] = ""

@@ -20,6 +20,7 @@ class RgbNoise(LightEffect):
     name = "rgb_noise"
     channel = "light"
     order = 58
+    random = True
     params = {
         "shot": Param(0.0, 0.0, 0.05, "1", start=0.002, doc="variance per unit of light (photon noise)"),
         "read": Param(0.0, 0.0, 0.1, "1", start=0.01, doc="standard deviation in the dark (electronics)"),

@@ -23,6 +23,7 @@ class DepthDropout(CameraEffect):
     name = "depth_dropout"
     channel = "depth"
     order = 36
+    random = True
     params = {
         "share": Param(0.0, 0.0, 0.5, "1", start=0.05, doc="share of pixels without a reading"),
         "size": Param(3.0, 0.0, 12.0, "px", start=3.0, shape=True, doc="mean run of lost pixels in a row"),

@@ -22,6 +22,7 @@ class DepthNoise(CameraEffect):
     name = "depth_noise"
     channel = "depth"
     order = 35
+    random = True
     params = {
         "sigma0": Param(0.0, 0.0, 0.02, "m", start=0.001, doc="standard deviation at any distance"),
         "k": Param(0.0, 0.0, 0.1, "1/m", start=0.002, doc="growth of the standard deviation with the squared distance"),

@@ -18,6 +18,7 @@ class DepthTemporal(CameraEffect):
 
     name = "depth_temporal"
     order = 28
+    random = True
     params = {
         "sd": Param(0.0, 0.0, 2.0, "px", start=0.08, doc="standard deviation of the disparity, at the native size"),
         "rho": Param(0.7, 0.0, 0.99, "1", start=0.7, shape=True, doc="correlation with the previous frame"),

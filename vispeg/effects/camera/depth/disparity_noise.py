@@ -20,6 +20,7 @@ class DisparityNoise(CameraEffect):
 
     name = "disparity_noise"
     order = 26
+    random = True
     params = {
         "sd": Param(0.0, 0.0, 2.0, "px", start=0.1, doc="standard deviation of the disparity, at the native size"),
         "length": Param(1.0, 0.0, 6.0, "px", start=1.0, shape=True, doc="low-pass length in the image"),

@@ -29,6 +29,7 @@ class GrazingHoles(CameraEffect):
 
     name = "grazing_holes"
     order = 14
+    random = True
     params = {
         "grazing": Param(0.0, 0.0, 1.0, "1", start=0.8, doc="chance of no reading on a surface seen edge-on"),
         "dark": Param(0.0, 0.0, 1.0, "1", start=0.5, doc="chance of no reading on a black surface"),

@@ -23,6 +23,7 @@ class LateralJitter(CameraEffect):
 
     name = "lateral_jitter"
     order = 22
+    random = True
     params = {"sd": Param(0.0, 0.0, 3.0, "px", start=0.5, doc="standard deviation of the shift along each axis")}
 
     def image(self, state, frame, p, rng):

@@ -15,6 +15,7 @@ class DroppedFrames(CameraEffect):
 
     name = "dropped_frames"
     order = 80
+    random = True
     params = {"chance": Param(0.0, 0.0, 0.5, "1", start=0.02, doc="probability that a frame is lost")}
 
     def image(self, state, frame, p, rng):
