@@ -18,6 +18,7 @@ from vispeg.diagnosis.selection.state import State
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import TorqueEvidence
 from vispeg.identify.record import controller
+from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
@@ -96,6 +97,18 @@ def test_torques_of_rivals_are_separated_too():
     )  # less the ends
     found, arrays = next_experiment(torques(), STATE, REFUSED, "unexplained", 0)
     assert found["motion"] == "triangle" and "gains stated" in found["why"] and arrays["next/q_cmd"].shape[1] == 7
+
+
+def test_a_wrist_wrench_changes_no_torque_of_the_menu():
+    """The menu's motions are in free air and of another length than the recorded wrench."""
+    made = torques()
+    (rec,) = made.evidence.recordings
+    ft = np.tile([0.0, 0.0, -20.0, 0.0, 0.0, 0.0], (len(rec.time), 1))  # N, N m, from the first sample on: a rest
+    evidence = TorqueEvidence([replace(rec, ft=ft, wrench=WrenchSensor(tared=True))])
+    found, arrays = next_experiment(Search(evidence, Judge(evidence)), STATE, EQUAL, "ambiguous", 0)
+    plain, expected = next_experiment(made, STATE, EQUAL, "ambiguous", 0)
+    assert found == plain
+    np.testing.assert_array_equal(arrays["next/A"], expected["next/A"])
 
 
 def test_no_motion_is_asked_for_that_was_recorded():

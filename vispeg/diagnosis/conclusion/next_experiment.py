@@ -11,7 +11,6 @@ while another would do. If the model is adequate, or identified without rivals, 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from vispeg.diagnosis.selection.state import State
 from vispeg.identify.excitation import motion
 from vispeg.identify.inverse import TorqueEvidence
 from vispeg.identify.record import controller
+from vispeg.recordings.recording import Recording
 from vispeg.sim.rollout import simulate
 from vispeg.sim.segments.segment import Segment
 from vispeg.worlds.world import World
@@ -148,9 +148,10 @@ class _TorqueMenu(_Menu):
         """Return for each motion the distance of two worlds' torques in sigma, and both torques (n, nj) N m."""
         out, like = {}, self.item.recording
         for name, m in self.motions.items():
-            rec = replace(
-                like, rate_hz=self.control.rate_hz, time=m.time, q=m.q_cmd, dq=None, tau=np.zeros_like(m.q_cmd),
-                episode=None, chosen=None,
+            rec = Recording(
+                like.path, like.robot, like.joints, self.control.rate_hz, like.control, m.time, m.q_cmd,
+                tau=np.zeros_like(m.q_cmd), tool=like.tool, base_tilt=like.base_tilt,
+                torque_sensor=like.torque_sensor, noise=like.noise,
             )  # fmt: skip
             evidence = TorqueEvidence([rec])
             (y,) = evidence.simulated([a, b])
