@@ -12,7 +12,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.loops.opened import saturated, torque_if_saturated
+from vispeg.identify.loops.opened import _asked, saturated, torque_if_saturated
 from vispeg.identify.loops.stops import passed, without_stops
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
@@ -47,6 +47,17 @@ def test_the_right_model_of_an_open_loop_stands_at_the_noise_floor():
     (residual,) = evidence.residuals([world])
     assert np.sum(residual**2) / evidence.count == pytest.approx(1.0, abs=0.3)
     assert torque_if_saturated(evidence.recordings[0], ROBOT) is evidence.recordings[0]
+
+
+def test_an_episode_asks_for_the_torques_that_it_asks_for_alone():
+    """The clock runs on, and between the episodes the arm was moved by 0.9 rad: no speed of the loop."""
+    _, a = run(14.0)
+    b = replace(a, time=a.time + a.time[-1] + 2e-3, q=a.q + 0.9, q_cmd=a.q_cmd + 0.9)
+    both = {k: np.concatenate([getattr(a, k), getattr(b, k)]) for k in ("time", "q", "q_cmd", "dq_cmd", "tau")}
+    joined = replace(a, episode=np.repeat([0, 1], len(a.time)), **both)
+    np.testing.assert_allclose(_asked(joined), np.concatenate([_asked(a), _asked(b)]), atol=1e-9)
+    cut = replace(joined, episode=np.repeat([0, 1, 2], [len(a.time), len(a.time) - 1, 1]))
+    assert np.isfinite(_asked(cut)).all(), "the last episode is a single sample"
 
 
 def test_a_stop_that_was_passed_is_left_out():
