@@ -1,5 +1,7 @@
 """What the missing torque of a final model depends on."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -26,3 +28,15 @@ def test_a_line_has_its_share_of_the_power_whatever_the_recordings_lengths(part,
     (line,) = [d for d in dependences([trembling(20.0)], held_out, ("a", "b")) if d.input.startswith("frequency")]
     assert line.input == "frequency (5.0 Hz)" and line.joint == "b"
     assert line.share == pytest.approx(part, abs=0.02 if part == 1.0 else 0.1)
+
+
+def test_shares_are_of_each_recordings_own_noise_in_any_order():
+    """Two held-out recordings miss the same spring torque; the noise of one is 100 times that of the other."""
+    precise = trembling(20.0)
+    precise = replace(precise, excess=0.5 * precise.q + 0.1 * precise.excess)
+    coarse = replace(precise, sigma=100.0 * precise.sigma)
+    ranked = [dependences([precise], held_out, ("a", "b")) for held_out in ([precise, coarse], [coarse, precise])]
+    shares, reverse = ({d.input: d.share for d in some if not d.input.startswith("frequency")} for some in ranked)
+    assert shares == reverse and max(shares.values()) <= 1.0
+    (alone,) = [d.share for d in dependences([precise], [precise], ("a", "b")) if d.input == "position"]
+    assert shares["position"] == pytest.approx(alone, abs=0.002), "the coarse one hardly counts"

@@ -47,8 +47,8 @@ def dependences(
             yv = np.concatenate([k.excess[:, j] for k in held_out])
             predicted = curve[np.clip(np.digitize(xv, edges) - 1, 0, len(edges) - 2)]
             total = sum(float(np.sum((k.excess / k.sigma) ** 2)) for k in held_out)
-            sigma = held_out[0].sigma[j]
-            gain = float((np.sum(yv**2) - np.sum((yv - predicted) ** 2)) / sigma**2) / max(total, 1e-12)
+            sigma = np.concatenate([np.full(len(k.time), k.sigma[j]) for k in held_out])
+            gain = float(np.sum((yv**2 - (yv - predicted) ** 2) / sigma**2)) / max(total, 1e-12)
             if gain > share:
                 share, joint = gain, j
         out.append(Dependence(name, round(share, 3), joints[joint]))
