@@ -142,6 +142,7 @@ def recorded(
     q_noise: float = 2e-5,
     tau_noise: float = 0.2,
     h_max: float = 2e-3,
+    sensor: str = "joint",
 ) -> Recording:
     """A noisy recording of a world's response to a segment, in memory; `label` is what a recording calls the robot.
 
@@ -150,10 +151,12 @@ def recorded(
     rest = 0 if segment.control.mode in ("torque", "passive") else round(0.6 / segment.tick)
     y = one(robot, world, _rested(segment, rest), h_max=h_max)
     q = y.q[0, rest:] + rng.normal(scale=q_noise, size=segment.q.shape)
-    tau = y.tau_joint[0, rest:] + rng.normal(scale=tau_noise, size=segment.q.shape)
-    felt = {"tau": tau, "torque_sensor": "joint", "noise": {"q": q_noise, "tau": tau_noise}}
-    if segment.control.mode == "servo":
-        felt = {"load": y.tau_motor[0, rest:] + tau - y.tau_joint[0, rest:], "noise": {"q": q_noise}}
+    servo = segment.control.mode == "servo"
+    read = y.tau_motor if servo or sensor == "motor" else y.tau_joint
+    tau = read[0, rest:] + rng.normal(scale=tau_noise, size=segment.q.shape)
+    felt = {"tau": tau, "torque_sensor": sensor, "noise": {"q": q_noise, "tau": tau_noise}}
+    if servo:
+        felt = {"load": tau, "noise": {"q": q_noise}}
     return Recording(
         Path("made-up"), label, robot.joints, 1.0 / segment.tick, segment.control, segment.time, q,
         **felt, **segment.command,

@@ -31,20 +31,22 @@ def angle(world, torque, **options):
 
 
 @pytest.mark.parametrize(
-    ("world", "delivered"),
+    ("world", "current", "delivered"),
     [
-        (hinge("torque_gain", gain=1.2), 1.2 * 2.0),
-        (hinge("joint_bias", torque=-0.5), 2.0 - 0.5),
-        (hinge("torque_limit", limit=1.5), 1.5),
-        (hinge("torque_limit", limit=2.5), 2.0),
-        (hinge("torque_gain", gain=1.2).add(*hinge("joint_bias", torque=-0.5).effects), 1.2 * 2.0 - 0.5),
-        (hinge("torque_limit", limit=1.5).add(*hinge("joint_bias", torque=-0.5).effects), 1.5 - 0.5),
+        (hinge("torque_gain", gain=1.2), 2.0, 1.2 * 2.0),
+        (hinge("joint_bias", torque=-0.5), 2.0, 2.0 - 0.5),
+        (hinge("torque_limit", limit=1.5), 1.5, 1.5),
+        (hinge("torque_limit", limit=2.5), 2.0, 2.0),
+        (hinge("torque_gain", gain=1.2).add(*hinge("joint_bias", torque=-0.5).effects), 2.0, 1.2 * 2.0 - 0.5),
+        (hinge("torque_limit", limit=1.5).add(*hinge("joint_bias", torque=-0.5).effects), 1.5, 1.5 - 0.5),
     ],
     ids=["gain", "bias", "limit", "limit out of reach", "gain before bias", "limit before bias"],
 )
-def test_static_drive(world, delivered):
+def test_static_drive(world, current, delivered):
+    """A torque from the motor's current shows a limit, and no error of the torque that the current makes."""
     time, q, y = angle(world, 2.0)
-    np.testing.assert_allclose(y.tau_motor[0, 5:, 0], delivered, rtol=1e-12)
+    np.testing.assert_allclose(y.tau_motor[0, 5:, 0], current, rtol=1e-12)
+    np.testing.assert_allclose(y.tau_joint[0, 5:, 0], delivered, rtol=1e-12)
     acceleration = delivered / SWING
     from_rest = q - q[20] - (y.dq[0, 20, 0] * (time - time[20]))
     np.testing.assert_allclose(from_rest[20:], acceleration * (time[20:] - time[20]) ** 2 / 2, atol=1e-6)

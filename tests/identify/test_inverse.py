@@ -91,6 +91,21 @@ def test_an_effect_adds_its_own_torque_at_its_own_joint(evidence, name, where, v
         assert not np.delete(change, 2, axis=1).any()
 
 
+@pytest.mark.parametrize(
+    "placed", [("torque_gain", {"gain": 1.2}), ("joint_bias", {"torque": 4.0})], ids=lambda p: p[0]
+)
+def test_a_motors_current_is_read_as_it_is_recorded(placed):
+    """Along a recorded motion the true world needs the recorded torque of motors, as nominal motors need theirs."""
+    left = []
+    for world in (World(), World().add(EffectInstance.of(placed[0], "joint4", **placed[1]))):
+        segment = iiwa_segment("position", 3.0, seed=0)
+        rec = recorded(ROBOT, "iiwa14", world, segment, stream(0, "torque"), sensor="motor")
+        rec = replace(rec, control=Control("unknown", rec.rate_hz), q_cmd=None, dq_cmd=None)
+        left.append(evidence_for([rec]).errors([world, World()]))
+    (right, _), (found, missed) = left
+    assert found < 1.05 * right < 0.5 * missed
+
+
 def test_torque_of_no_stated_sensor_is_used_nowhere():
     rec = passively(World())
     with pytest.raises(UserError, match="torque_sensor.*is none, so that no torque is used; expected joint or motor"):

@@ -26,7 +26,7 @@ class Forces:
 
     Attributes:
         drive: torque at the output of the last drive stage.
-        motor: torque before the gear, as computed from the motor's current.
+        motor: torque before the gear, as computed from the motor's current and nominal constants (`inverse`).
         geared: torque of effects inside the drive, which a sensor after the gear measures; None if there are none.
         link: torque of effects that act on the link; None if there are none.
         friction: level of the joints' dry friction; None if it stays at the model's own constant value.
@@ -92,13 +92,14 @@ class EffectLoop:
         return Forces(tau, motor, *self.torque(x), level)
 
     def drive(self, command: np.ndarray, x: DriveState) -> tuple[np.ndarray, np.ndarray]:
-        """Return one step's torques of the drives and of their motors for `command`, all (nsim, nj) N m."""
+        """Return one step's torques of the drives, and of their motors as currents show them, (nsim, nj) N m each."""
         tau, motor = command, None
         for a in self.drives:
             if motor is None and a.effect.order >= GEAR:
                 motor = tau
             tau = a.effect.drive(self.states[a.effect.name], tau, x, a.p)
-        return tau, tau if motor is None else motor
+        motor = tau if motor is None else motor
+        return tau, self.inverse(motor, "motor") if self.inverses else motor
 
     def friction(self, x: DriveState, dry: np.ndarray) -> np.ndarray:
         """Return the level (nsim, nj) N m of dry friction, given the model's own."""
