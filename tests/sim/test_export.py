@@ -255,6 +255,38 @@ def test_springs_and_inertias_are_those_of_the_plant_in_a_file_of_degrees_and_an
     assert np.allclose(*full, rtol=1e-4, atol=1e-6), "kg m^2"
 
 
+SPRUNG = """
+<mujoco><compiler angle="radian"/><worldbody><body name="base">
+  <body name="a"><joint name="free" axis="0 1 0"/><geom size=".1" mass="2"/>
+    <body name="b" pos="0 0 -.4"><joint name="sprung" axis="0 1 0" stiffness="20" springref=".5"/>
+      <geom size=".1" mass="1"/><site name="flange" pos="0 0 -.2"/></body></body></body></worldbody></mujoco>
+"""
+
+
+@pytest.mark.parametrize("where", ["free", "sprung"])
+@pytest.mark.parametrize("stiffness", [0.0, 2.0])
+def test_a_cable_adds_its_torque_to_the_springs_of_the_robot(where, stiffness, tmp_path):
+    """Passive torques at random angles by MuJoCo: of the file, minus the cable's law at its joint, are the world's."""
+    path = tmp_path / "sprung.xml"
+    path.write_text(SPRUNG)
+    robot = load(path)
+    world = World(str(path)).add(EffectInstance.of("cable_spring", where, stiffness=stiffness, reference=0.3))
+    plant = Plant(robot, [world], STEP, STEP, 1)
+    compiled = robot.compile()
+    for name in ("jnt_stiffness", "qpos_spring"):
+        getattr(compiled, name)[:] = plant.batch.expanded(name)[0]
+    q = np.random.default_rng(3).uniform(-2.0, 2.0, (20, 2))
+    expected = -np.array([0.0, 20.0]) * (q - [0.0, 0.5])
+    j = robot.joints.index(where)
+    expected[:, j] -= stiffness * (q[:, j] - 0.3)
+    for model in (compiled, compiled_with(world, robot)[0]):
+        data, torque = mujoco.MjData(model), []
+        for data.qpos[:] in q:
+            mujoco.mj_forward(model, data)
+            torque.append(data.qfrc_spring.copy())
+        assert np.allclose(torque, expected, atol=1e-4), "N m"
+
+
 def test_a_turned_body_is_turned_also_if_its_orientation_was_stated_by_angles():
     tilt = EffectInstance.of("hole_tilt", "fixture", roll=0.02)
     scene = model_cell(read_model("peg-cell")).scene

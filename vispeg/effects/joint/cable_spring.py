@@ -1,7 +1,8 @@
 """Cable spring: a dress pack or umbilical pulls the joint to an angle, `tau = -stiffness (q - reference)`.
 
-Native mechanism: `jnt_stiffness` with `qpos_spring`. It acts on the link, outside the gear, so a joint torque sensor
-feels it as load. Source: MuJoCo 4.0 manual, body/joint/stiffness and springref.
+Native mechanism: `jnt_stiffness` with `qpos_spring`, in parallel with the joint's own spring. It acts on the link,
+outside the gear, so a joint torque sensor feels it as load. Source: MuJoCo 4.0 manual, body/joint/stiffness and
+springref.
 """
 
 from __future__ import annotations
@@ -26,8 +27,11 @@ class CableSpring(Effect):
     writes = frozenset({"jnt_stiffness", "qpos_spring"})
 
     def write(self, fields, p):
-        fields["jnt_stiffness"][:, fields.joints] += p["stiffness"]
-        fields["qpos_spring"][:, fields.qposes] = p["reference"]
+        own, slack = fields["jnt_stiffness"][:, fields.joints], fields["qpos_spring"][:, fields.qposes]
+        total = own + p["stiffness"]
+        share = np.divide(p["stiffness"], total, out=np.zeros_like(total), where=total != 0)
+        fields["jnt_stiffness"][:, fields.joints] = total
+        fields["qpos_spring"][:, fields.qposes] = slack + share * (p["reference"] - slack)
 
     def side(self):
         return "link"
