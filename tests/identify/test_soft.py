@@ -64,3 +64,13 @@ def test_a_missing_reading_gives_no_torque(tilted):
     q[7, 3] = np.nan
     asked = as_asked(replace(tilted, q=q), ROBOT).tau_cmd
     assert asked is not None and np.isnan(asked[7]).all() and np.isfinite(asked[20:]).all()
+
+
+def test_a_missing_reading_changes_no_torque_around_it(tilted):
+    """Without recorded velocities, which are differentiated from the angles; the greatest torque is some 20 N m."""
+    q = tilted.q.copy()
+    q[500] = np.nan
+    whole, gapped = (as_asked(replace(tilted, q=angles, dq=None), ROBOT).tau_cmd for angles in (tilted.q, q))
+    assert whole is not None and gapped is not None
+    rest = np.arange(len(q)) != 500
+    np.testing.assert_allclose(gapped[rest], whole[rest], atol=1.0)

@@ -63,15 +63,18 @@ def as_asked(rec: Recording, robot: RobotModel) -> Recording:
     Gravity compensation is not in them. They are NaN at samples with a missing angle.
     """
     read = np.isfinite(rec.q).all(axis=1, keepdims=True)
-    torque = np.where(read, _asked(rec, robot, np.nan_to_num(rec.q)), np.nan)
+    torque = np.where(read, _asked(rec, robot), np.nan)
     return replace(rec, control=replace(rec.control, mode="torque"), tau_cmd=torque)
 
 
-def _asked(rec: Recording, robot: RobotModel, q: np.ndarray) -> np.ndarray:
-    """Return the torques (n, nj) N m that the OSC law (docs/formats.md) commands at readings q, without gravity."""
-    c, n = rec.control, len(q)
+def _asked(rec: Recording, robot: RobotModel) -> np.ndarray:
+    """Return the torques (n, nj) N m that the OSC law (docs/formats.md) commands, without gravity.
+
+    A missing angle counts as zero at its own sample.
+    """
+    c, n, q = rec.control, len(rec.q), np.nan_to_num(rec.q)
     assert rec.ee_cmd is not None and c.kp is not None and c.kd is not None
-    dq = np.nan_to_num(smooth(rec.time, q, MOTION_HZ, rec.episode)[1] if rec.dq is None else rec.dq)
+    dq = np.nan_to_num(smooth(rec.time, rec.q, MOTION_HZ, rec.episode)[1] if rec.dq is None else rec.dq)
     pull = None if c.nullspace is None else c.nullspace.kp * (c.nullspace.q - q) - c.nullspace.kd * dq
     parts = [q[start : start + ROWS] for start in range(0, n, ROWS)]
     operational = [nominal_of(robot, len(part)).operational(part) for part in parts]
