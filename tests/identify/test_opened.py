@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from loops import iiwa_segment, recorded
+from loops import ARM, iiwa_segment, recorded
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
@@ -14,6 +16,7 @@ from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.loops.opened import _asked, saturated, torque_if_saturated
 from vispeg.identify.loops.stops import passed, without_stops
+from vispeg.identify.nominal import nominal_robot, robot_of
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
 
@@ -69,3 +72,24 @@ def test_a_stop_that_was_passed_is_left_out():
     free = without_stops(ROBOT, ("joint4",))
     assert list(free.compile().jnt_limited) == [True] * 3 + [False] + [True] * 3
     assert tuple(free.range[3]) == (low, high)  # motions are still planned inside it
+
+
+@pytest.mark.parametrize("edited", ["arm.xml", "tool.xml"])
+def test_an_edited_robot_or_gripper_is_read_again_for_a_recording(edited, tmp_path):
+    """With one joint beyond its stop, and a second one held at rest, which the recording lacks and one note names."""
+    arm, tool = tmp_path / "arm.xml", tmp_path / "tool.xml"
+    arm.write_text(ARM.replace('name="shoulder"', 'name="shoulder" range="-1 1"'))
+    body = '<body><geom size=".02" mass="2"/><site name="grasp" pos="0 0 .1"/></body>'
+    tool.write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    _, rec = run(1000.0)
+    rec = replace(rec, robot=str(arm), tool=str(tool), joints=("shoulder",), q=np.full((len(rec.q), 1), 1.5))
+    with warnings.catch_warnings(record=True) as said:
+        first, free = nominal_robot(rec), robot_of(rec)
+        with warnings.catch_warnings():
+            assert nominal_robot(rec) is first and robot_of(rec) is free
+        assert len(said) == 1 and "elbow" in str(said[0].message)
+        (tmp_path / edited).write_text((tmp_path / edited).read_text().replace('mass="2"', 'mass="3"'))
+        os.utime(tmp_path / edited, ns=(1, 1))
+        for before, now in ((first, nominal_robot(rec)), (free, robot_of(rec))):
+            assert now.compile().body_mass.sum() - before.compile().body_mass.sum() == pytest.approx(1.0)
+        assert first.compile().jnt_limited[0] and not robot_of(rec).compile().jnt_limited[0]

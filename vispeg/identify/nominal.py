@@ -8,18 +8,16 @@ from __future__ import annotations
 from vispeg.core.errors import UserError
 from vispeg.identify.loops.stops import passed, without_stops
 from vispeg.recordings.recording import Recording
-from vispeg.robots.model import RobotModel, load_for
+from vispeg.robots.model import RobotModel, load, load_for
 
-_ROBOTS: dict[tuple, RobotModel] = {}
+# by the whole robot, hashed by identity, and the recording's joints; a note on joints held at rest is then shown once
+_ROBOTS: dict[tuple[RobotModel, tuple[str, ...]], RobotModel] = {}
 
 
 def robot_of(rec: Recording) -> RobotModel:
     """Return the nominal robot of a recording, without stops that a joint was measured beyond."""
     robot = nominal_robot(rec)
-    key = (id(robot), passed(robot, rec.q))
-    if key not in _ROBOTS:
-        _ROBOTS[key] = without_stops(robot, key[1])
-    return _ROBOTS[key]
+    return without_stops(robot, passed(robot, rec.q))
 
 
 def nominal_robot(rec: Recording) -> RobotModel:
@@ -30,12 +28,12 @@ def nominal_robot(rec: Recording) -> RobotModel:
     Raises:
         UserError: a robot, tool or joints that do not fit together.
     """
-    key = (rec.robot, rec.joints, repr(rec.tool), rec.base_tilt)
-    if key not in _ROBOTS:
-        try:
-            _ROBOTS[key] = load_for(rec.joints, rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
-        except UserError as error:
-            raise UserError(str(error), file=rec.path / "recording.yaml") from error
+    try:
+        key = load(rec.robot, rec.tool, rec.base_tilt), rec.joints  # an edited file is another robot
+        if key not in _ROBOTS:
+            _ROBOTS[key] = load_for(rec.joints, rec.robot, rec.tool, rec.base_tilt)
+    except UserError as error:
+        raise UserError(str(error), file=rec.path / "recording.yaml") from error
     robot = _ROBOTS[key]
     if tuple(rec.joints) != tuple(robot.joints):
         raise UserError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -18,8 +19,12 @@ def passed(robot: RobotModel, q: np.ndarray) -> tuple[str, ...]:
     return tuple(j for j, out in zip(robot.joints, outside.any(axis=0), strict=True) if out)
 
 
+@lru_cache(maxsize=64)  # robots are hashed by identity
 def without_stops(robot: RobotModel, joints: tuple[str, ...]) -> RobotModel:
-    """Return the robot without stops in these joints; its `range`, used for planning motions, stays."""
+    """Return the robot without stops in these joints; its `range`, used for planning motions, stays.
+
+    The same arguments return the same object.
+    """
 
     def build() -> mujoco.MjSpec:
         spec = robot.build()
