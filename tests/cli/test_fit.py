@@ -7,13 +7,18 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from vispeg.api.inputs import read_inputs
+from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.identify.checkpoint import Trace
+from vispeg.recordings.load import load
+from vispeg.recordings.write import write
 from vispeg.worlds.model_file import load_model
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -178,6 +183,15 @@ def test_a_copy_of_a_fitted_recording_is_no_judge(refused, rigs, tmp_path):
     shutil.copytree(rigs["nominal"], tmp_path / "copy")
     both = ["--recording", rigs["nominal"], "--validate", tmp_path / "copy"]
     refused(["fit", "iiwa14", *both, "--effects", "joint_bias:joint1", "--out", "f"], "a copy of", "copy")
+
+
+def test_a_copy_is_found_out_although_an_angle_is_missing(rigs, tmp_path):
+    whole = load(rigs["nominal"])
+    q = whole.q.copy()
+    q[3, 1] = np.nan
+    first, copy = (write(replace(whole, q=q), tmp_path / name) for name in ("first", "copy"))
+    with pytest.raises(UserError, match="a copy of"):
+        read_inputs("iiwa14", first, copy)
 
 
 @pytest.mark.slow

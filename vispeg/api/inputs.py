@@ -139,7 +139,7 @@ def read_inputs(
     world = _of_recordings(world, (*fitted, *held_out))
     for held, path in zip(held_out, map(_path, judge), strict=True):
         for other, rec in zip(map(_path, fit), fitted, strict=True):
-            if np.array_equal(held.q, rec.q):
+            if np.array_equal(held.q, rec.q, equal_nan=True):
                 raise UserError(f"a copy of {other}, which is fitted", file=path, expected="different recordings")
     digests = tuple({str(_path(s)): _digest(s) for s in sources} for sources in (fit, judge))
     return Inputs(world, fitted, held_out, (digests[0], digests[1]), _files(model, world, (*fit, *judge)))
