@@ -8,6 +8,7 @@ import pytest
 
 from vispeg.api.inputs import read_model
 from vispeg.api.recording.cell import cell_motion
+from vispeg.api.recording.record import record as simulate
 from vispeg.core import effect as effects
 from vispeg.core.errors import UserError
 from vispeg.recordings.cell import WrenchSensor
@@ -41,6 +42,24 @@ def test_a_look_written_as_a_table_is_photographed_like_the_look_by_name(vispeg,
     assert all(np.array_equal(x.rgb, y.rgb) for x, y in zip(a.frames, b.frames, strict=True))
     code, _, error = vispeg("record", "peg-cell", "--motion", "tilt.csv", *options, "--duration", "9", "--out", "c")
     assert code == 2 and "--duration" in error
+
+
+def test_a_look_reads_the_torque_asked_for_and_refuses_a_limit_of_force():
+    """Friction in the drive is between the motor's torque and that behind the gear."""
+    rubbing = ["coulomb_friction:joint6:torque=1"]
+    options = {"rate_hz": 100.0, "duration": 11.0, "fps": 0.1, "size": "32x24", "noise": {"tau": 0.0, "dq": 0.0}}
+    made = {}
+    for sensor in ("joint", "motor", "none"):
+        rec = simulate("peg-cell", "look-tilt", torque_sensor=sensor, effects=rubbing, **options).recording
+        assert rec.torque_sensor == sensor
+        made[sensor] = rec
+    assert made["none"].tau is None
+    joint = made["joint"].joints.index("joint6")
+    moving = np.abs(made["joint"].dq[:, joint]) > 0.1
+    lost = (made["motor"].tau - made["joint"].tau)[moving, joint] * np.sign(made["joint"].dq[moving, joint])
+    assert moving.sum() > 50 and np.median(lost) == pytest.approx(1.0, abs=0.05)
+    with pytest.raises(UserError, match="force.limit"):
+        simulate("peg-cell", "look-tilt", force_limit=20.0, **options)
 
 
 def test_whole_insertions_state_their_outcome(vispeg, tmp_path):

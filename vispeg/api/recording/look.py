@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -126,6 +127,7 @@ def record_look(
     duration: float | None = None,
     rate_hz: float = 500.0,
     noise: Mapping[str, float] = NOISE,
+    torque_sensor: Literal["joint", "motor", "none"] = "joint",
     seed: int = 0,
     backend: BackendName = "auto",
     shadows: bool = False,
@@ -143,6 +145,7 @@ def record_look(
         duration: duration of a motion given by name, s; by default 16 s. A commanded motion has its own.
         rate_hz: sample rate of the joints, Hz.
         noise: signal of the joints -> standard deviation of its noise, as in recording.yaml.
+        torque_sensor: what `tau` measures: torque behind the gear, motor torque, or nothing.
         seed: seed of the noise and of the camera sensors.
         backend, shadows: the renderer, and whether it draws shadows.
         name: name of the recording.
@@ -162,7 +165,7 @@ def record_look(
     truth: list[np.ndarray] = []
     control = controller(scene.nominal, "position", rate_hz, centre_of(scene.nominal))
     rng = stream(seed, "record", "noise")
-    rec = record(arm, path, control, noise, rng, torque_sensor="joint", name=name, watch=truth.append)
+    rec = record(arm, path, control, noise, rng, torque_sensor=torque_sensor, name=name, watch=truth.append)
     options = {"seed": seed, "backend": backend, "shadows": shadows, "progress": progress}
     frames = pictures_of(world, scene, cameras, rec, truth[0], fps, rng, **options)
     cell = CellBelief(DEFAULT) if world.cell is not None and world.cell.open else world.cell

@@ -230,7 +230,7 @@ def _of_contact(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
 
 def _of_cameras(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
     usual = {"control": (None, "position"), "kp": (None,), "kd": (None,), "tool": (None,), "repeat": (1,)}
-    asked.refuse("not for a motion that looks", wrench_sensor=("flange",), **usual)
+    asked.refuse("not for a motion that looks", force_limit=(None,), wrench_sensor=("flange",), **usual)
     if asked.is_file:
         asked.refuse("a table has its own duration", duration=(None,))
     scene = scene_of(world)
@@ -248,6 +248,7 @@ def _of_cameras(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
             duration=asked.duration if by_name else None,
             rate_hz=asked.rate_hz,
             noise=asked.levels,
+            torque_sensor=asked.torque_sensor,
             seed=asked.seed,
             backend=asked.backend,
             name=asked.name,
