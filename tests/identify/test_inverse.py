@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
-from loops import iiwa_segment, recorded
+from loops import SWING, iiwa_segment, pendulum, recorded
 
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.errors import UserError
@@ -16,7 +17,7 @@ from vispeg.identify.fit import fit_job
 from vispeg.identify.inverse import evidence_for
 from vispeg.identify.pool import run_together
 from vispeg.recordings.differentiate import smooth
-from vispeg.recordings.recording import Control
+from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled
 from vispeg.worlds.world import World
@@ -138,6 +139,28 @@ def test_a_joint_without_readings_leaves_the_noise_of_two_runs_as_it_is():
     assert part.floors[6] == pytest.approx(np.sqrt(np.mean(whole.floors[:6] ** 2)))
     (residual,) = part.residuals([World()])
     assert residual @ residual / part.count == pytest.approx(1.0, rel=0.3)
+
+
+def swung(k: int, size: float, hz: float, start: float = 0.0, rate: float = 200.0):
+    """A hinge with 50 N m of dry friction on a sine of `size` rad, whose torque is read with noise of 0.1 N m."""
+    robot, t, w = pendulum(0.0), np.arange(0.0, 20.0, 1.0 / rate), 2 * np.pi * hz
+    q, dq = size * np.sin(w * (t + start)), size * w * np.cos(w * (t + start))
+    tau = -SWING * w**2 * q + 50.0 * np.sign(dq) + 0.1 * stream(k, "swing").standard_normal(len(t))
+    control = Control("unknown", rate)
+    rec = Recording(Path("swing"), robot.source, robot.joints, rate, control, t, q[:, None], tau=tau[:, None])
+    return replace(rec, torque_sensor="motor", noise={"tau": 0.1})
+
+
+@pytest.mark.parametrize("other", [(0.020, 0.8), (0.015, 0.5, 0.0, 100.0)], ids=["motion", "rate"])
+def test_two_small_motions_are_no_runs_of_one_motion(other):
+    """Angles that differ by a degree are other motions where the motion itself is of a degree."""
+    evidence = evidence_for([swung(0, 0.015, 0.5), swung(1, *other)])
+    assert evidence.floor_from == "stated noise" and evidence.floors == pytest.approx([0.1])
+
+
+def test_two_runs_of_a_small_motion_tell_the_noise():
+    evidence = evidence_for([swung(k, 0.015, 0.5, 0.5 * k) for k in (0, 1)])
+    assert evidence.floor_from == "repeats" and evidence.floors == pytest.approx([0.1], rel=0.1)
 
 
 def test_dry_friction_is_against_the_motion(evidence):

@@ -299,12 +299,13 @@ def _repeat_gap(a: Recording, b: Recording, longest: float = 2.0) -> np.ndarray 
     if n < a.rate_hz:
         return None
     core = a.q[most : most + n]
-    shifts = range(0, 2 * most + 1, max(1, most // 100))
-    gaps = [float(np.nanmax(np.nanstd(core - b.q[s : s + n], axis=0))) for s in shifts]
-    coarse = list(shifts)[int(np.argmin(gaps))]
-    near = range(max(0, coarse - most // 100), min(2 * most, coarse + most // 100) + 1)
-    best = min(near, key=lambda s: float(np.nanmax(np.nanstd(core - b.q[s : s + n], axis=0))))
-    if np.nanmax(np.nanstd(core - b.q[best : best + n], axis=0)) > 0.02:
+
+    def gap(start: int) -> float:
+        return float(np.nanmax(np.nanstd(core - b.q[start : start + n], axis=0)))
+
+    coarse = min(range(0, 2 * most + 1, max(1, most // 100)), key=gap)
+    best = min(range(max(0, coarse - most // 100), min(2 * most, coarse + most // 100) + 1), key=gap)
+    if gap(best) > RULES.torque_repeats * np.nanmax(np.nanstd(core, axis=0)):
         return None
     difference = a.tau[most : most + n] - b.tau[best : best + n]
     read = np.isfinite(difference).any(axis=0)
