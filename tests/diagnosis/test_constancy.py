@@ -11,7 +11,7 @@ from loops import arm
 from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.evidence.constancy import _magnitudes, changes
+from vispeg.diagnosis.evidence.constancy import _magnitudes, _times, changes
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit
 from vispeg.identify.space import Space
@@ -88,6 +88,16 @@ def test_friction_that_falls_with_time_is_none_and_the_parts_are_those_of_least_
     assert change.share == pytest.approx(drop / left(fit)["shoulder"], rel=1e-4)
     assert "as the recordings go on" in change.said()
     assert changes(items, fit, 1, left(fit)) == [], "what was given is not asked"
+
+
+def test_the_parts_of_episodes_are_those_of_any_clock(items):
+    """Four episodes of 2 s are a quarter each, whether the clock restarts with each or runs on."""
+    number = np.repeat(np.arange(RULES.parts), ROWS // RULES.parts)
+    first = items[0].recording
+    running = replace(first, episode=number)
+    restarted = replace(running, time=first.time - 2.0 * number)
+    for rec in (running, restarted):
+        np.testing.assert_array_equal(_times(Evidence([rec]).items), number)
 
 
 def test_what_another_joint_leaves_does_not_count(items):

@@ -92,15 +92,13 @@ def _magnitudes(fit: Fit, index: int) -> list[int]:
 
 
 def _times(items: Sequence[Item]) -> np.ndarray:
-    """Return for each sample the quarter (0 to 3) of its recording's time, items end to end."""
-    out = []
-    for item in items:
-        start = item.recording.time[item.segment.rows[0]]
-        windows = [i for i in items if i.recording is item.recording]
-        begin, end = (f(i.recording.time[i.segment.rows[k]] for i in windows) for f, k in ((min, 0), (max, -1)))
-        age = (start + item.segment.time - begin) / max(end - begin, 1e-9)
-        out.append(np.clip((RULES.parts * age).astype(int), 0, RULES.parts - 1))
-    return np.concatenate(out)
+    """Return for each sample the quarter (0 to 3) of its recording's samples, items end to end."""
+    recording = np.repeat([id(i.recording) for i in items], [len(i.measured) for i in items])
+    out = np.zeros(len(recording), int)
+    for same in np.unique(recording):
+        rows = np.flatnonzero(recording == same)
+        out[rows] = RULES.parts * np.arange(len(rows)) // len(rows)
+    return out
 
 
 def _quarters(values: np.ndarray) -> np.ndarray:
