@@ -12,7 +12,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.loops.runaway import without_runaway
+from vispeg.identify.loops.runaway import said, without_runaway
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
@@ -55,6 +55,14 @@ def test_what_comes_before_is_judged_as_if_nothing_followed(calm):
     assert mean_square(rec) == pytest.approx(1.0, abs=0.2)
     (note,) = Evidence([rec], h_max=1e-3).notes
     assert "loses the arm" in note and "1.9 of 3 s" in note
+
+
+def test_what_is_left_of_several_episodes_is_their_sum(calm):
+    """The clock restarts with the second episode, of which all is left."""
+    both = {k: np.concatenate([getattr(calm, k)] * 2) for k in ("time", "q", "tau", "q_cmd", "dq_cmd")}
+    rec = replace(calm, episode=np.repeat([0, 1], len(calm.time)), **both)
+    rec.q[: len(calm.time)] = thrown(calm, 2.0, 2.3).q
+    assert "4.89 of 6 s can be compared" in said(rec, without_runaway(rec, ROBOT, LEAST))
 
 
 def test_where_it_is_lost_at_once_what_follows_is_what_there_is(calm):

@@ -73,6 +73,11 @@ def episodes(time: np.ndarray, episode: np.ndarray | None = None) -> list[np.nda
     return [rows for rows in np.split(np.arange(len(time)), np.flatnonzero(new) + 1) if len(rows)]
 
 
+def spanned(time: np.ndarray, episode: np.ndarray | None) -> float:
+    """Return the time that samples (n,) span, s: the sum over their `episodes`."""
+    return float(sum(np.ptp(time[rows]) for rows in episodes(time, episode)))
+
+
 def _blocks(
     time: np.ndarray, run: np.ndarray, inside: np.ndarray, cutoff_hz: float
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:

@@ -15,6 +15,7 @@ from vispeg.core.rules import RULES
 from vispeg.diagnosis.scale import floors
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
+from vispeg.recordings.differentiate import spanned
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 
@@ -57,7 +58,11 @@ def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
     converted = tuple(dict.fromkeys([*evidence.converted, *judged.converted]))
     if len(loud) == 1:
         first, second = halves(loud[0])
-        if np.ptp(second.time) > RULES.half_least and min(shown(evidence_for([first, second]), world)) > RULES.loud:
+        others = [*evidence.recordings, *judged.recordings]
+        if (
+            spanned(second.time, second.episode) > RULES.half_least
+            and min(shown(evidence_for([first, second], beside=others), world)) > RULES.loud
+        ):
             rest = [r for r in evidence.recordings if r is not loud[0]]
             note = f"only {loud[0].name} shows what the model lacks: its second half judges what is fitted to its first"
             return Roles([first, *rest, *judged.recordings], [second], note, converted=converted)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from vispeg.core.rules import RULES
-from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.differentiate import smooth, spanned
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import taken
 from vispeg.robots.model import RobotModel
@@ -46,7 +46,7 @@ def without_runaway(rec: Recording, robot: RobotModel, least: float) -> Recordin
 
 def said(before: Recording, after: Recording) -> str:
     """Return a message on what of the recording `before` was left out in `after`."""
-    spent = [np.ptp(time) for time in (after.time, before.time)]
+    spent = [spanned(rec.time, rec.episode) for rec in (after, before)]
     return RUNAWAY.format(before.name, RULES.runaway_speed, *spent, after.time[0])
 
 
