@@ -13,6 +13,8 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis.evidence.roles import Roles, recast, shown
 from vispeg.diagnosis.run import diagnose
 from vispeg.identify.evidence import Evidence
+from vispeg.identify.inverse import TorqueEvidence
+from vispeg.recordings.recording import Control
 from vispeg.report.text import words
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
@@ -95,10 +97,29 @@ def test_what_both_halves_of_one_recording_show_is_judged_by_the_second(recordin
     assert second.name == "wide, second half" and second.time[0] == recordings["wide"].time[len(second.time)]
 
 
+def test_the_halves_of_short_episodes_last_as_long_together(recordings):
+    """The clock restarts with each of four episodes of 1.25 s, so that it spans no half of 2.5 s."""
+    number = np.repeat(np.arange(4), 250)
+    wide = replace(recordings["wide"], episode=number, time=recordings["wide"].time - 1.25 * number)
+    found, *_ = roles({**recordings, "wide": wide}, ["narrow", "wide"], ["narrow"])
+    assert found is not None and [r.name for r in found.held_out] == ["wide, second half"]
+    assert set(found.held_out[0].episode) == {2, 3}
+
+
 @pytest.mark.parametrize("held_out", ["wide", "narrow"])
 def test_roles_stay_where_they_will_do(recordings, held_out):
     """The judge shows what is missing, or nothing shows anywhere."""
     assert roles(recordings, ["wider"] if held_out == "wide" else ["narrow"], [held_out])[0] is None
+
+
+def test_a_controller_unknown_on_one_side_has_both_sides_judged_by_torques(recordings):
+    """The floor is the held-out recording's, whose noise is estimated; the fitted one states its own."""
+    narrow = replace(recordings["narrow"], torque_sensor="motor", noise={})
+    unknown = replace(recordings["narrow"], torque_sensor="motor", control=Control("unknown", 200.0), q_cmd=None)
+    record = diagnose(World(narrow.robot), [unknown], [narrow], nthread=1, plan_next=False).record
+    judged = TorqueEvidence([narrow])
+    assert {row["unit"] for row in record["ladder"]} == {record["noise_floor"]["unit"]} == {"N m RMS"}
+    assert (record["noise_floor"]["from"], record["noise_floor"]["value"]) == ("estimated", judged.floor)
 
 
 @pytest.mark.slow

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from loops import SWING, iiwa_segment, pendulum, recorded
 
+from vispeg.channels.channel import CHANNELS, How
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.identify.fit import fit_job
-from vispeg.identify.inverse import evidence_for
+from vispeg.identify.inverse import TorqueEvidence, evidence_for
 from vispeg.identify.pool import run_together
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Control, Recording
@@ -139,6 +140,27 @@ def test_a_joint_without_readings_leaves_the_noise_of_two_runs_as_it_is():
     assert part.floors[6] == pytest.approx(np.sqrt(np.mean(whole.floors[:6] ** 2)))
     (residual,) = part.residuals([World()])
     assert residual @ residual / part.count == pytest.approx(1.0, rel=0.3)
+
+
+def test_one_unknown_controller_has_all_recordings_compared_by_torques():
+    """Fitted and held-out ones alike, whichever side it is on; one without torques is then refused."""
+    known = recorded(ROBOT, "iiwa14", World(), iiwa_segment("position", 2.0, seed=0), stream(0, "torque"))
+    unknown = passively(World(), 1)
+    assert evidence_for([known], beside=[known]).unit == "rad"
+    for first, second in ((known, unknown), (unknown, known)):
+        assert evidence_for([first], beside=[second]).unit == evidence_for([second], beside=[first]).unit == "N m"
+        both = CHANNELS["joints"].evidence(World("iiwa14"), ([first], [second]), How())
+        assert [type(side) for side in both] == [TorqueEvidence] * 2
+    with pytest.raises(UserError, match="another recording's controller is unknown and no torque was measured"):
+        evidence_for([replace(known, tau=None)], beside=[unknown])
+
+
+@pytest.mark.parametrize("side", ["same", "other"])
+def test_recordings_that_list_other_joints_are_refused(side):
+    rec = passively(World(), 1)
+    fewer = replace(rec, joints=rec.joints[:6], q=rec.q[:, :6], tau=rec.tau[:, :6])
+    with pytest.raises(UserError, match="joints: recordings of different joints; expected joint1, joint2"):
+        evidence_for([rec, fewer] if side == "same" else [fewer], beside=[rec])
 
 
 def swung(k: int, size: float, hz: float, start: float = 0.0, rate: float = 200.0):

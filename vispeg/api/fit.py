@@ -205,8 +205,7 @@ def _shown(
 
 def _fitted(world: World, both: Both, channel: str, how: How) -> Evidence:
     """Return the evidence of the fitted recordings; called in each Ray worker."""
-    own = both if channel == "pictures" else (both[0], ())  # the trust in edges depends on both groups of recordings
-    return CHANNELS[channel].evidence(world, own, how)[0]
+    return CHANNELS[channel].evidence(world, both, how)[0]  # what is compared depends on both groups of recordings
 
 
 def _free(

@@ -84,7 +84,7 @@ def diagnose(
         UserError: recordings that cannot be compared with the world, or in which nothing moves.
     """
     still = refuse_motionless(fitted, held_out)
-    evidence, judged = evidence_for(fitted, nthread), evidence_for(held_out, nthread, h_max=1e-3)
+    evidence, judged = _both(fitted, held_out, nthread)
     evidence, judged = without_drift(evidence, world), without_drift(judged, world)
     roles = recast(world, evidence, judged)
     if roles is not None:
@@ -92,7 +92,7 @@ def diagnose(
         still += [roles.note, *roles.converted]
         if roles.held_out is not judged.recordings:
             fitted, held_out = roles.fitted, roles.held_out
-            evidence, judged = evidence_for(fitted, nthread), evidence_for(held_out, nthread, h_max=1e-3)
+            evidence, judged = _both(fitted, held_out, nthread)
     say("asking the torques what is missing")
     proposal = propose(world, fitted, held_out)
     if proposal is not None:
@@ -172,7 +172,7 @@ def diagnose(
         "noise_floor": {
             "value": judged.floor,
             "unit": f"{judged.unit} RMS",
-            "from": judged.floor_from if judged.floor_from != "estimated" else evidence.floor_from,
+            "from": judged.floor_from,
         },
         "where_it_fails": where_it_fails(before_missing, joints),
         "residual_peaks": peaks(drawn, joints, final_maps),
@@ -199,6 +199,12 @@ def diagnose(
         ],
     }
     return Diagnosis(record, final, drawing | more)
+
+
+def _both(fitted: Sequence[Recording], held_out: Sequence[Recording], nthread: int) -> tuple[Evidence, Evidence]:
+    """Return the evidence of the fitted and of the held-out recordings, compared in the same way."""
+    judged = evidence_for(held_out, nthread, h_max=1e-3, beside=fitted)
+    return evidence_for(fitted, nthread, beside=held_out), judged
 
 
 def finer(search: Search, state: State, n_fixed: int) -> State:

@@ -170,28 +170,31 @@ def rigid_body(robot: RobotModel, world: World, q: np.ndarray, dq: np.ndarray) -
     return dense(model, mass)[:, v][:, :, v], bias[:, v].copy()
 
 
-def evidence_for(recordings: Sequence[Recording], nthread: int = 1, h_max: float = 2e-3) -> Evidence:
+def evidence_for(
+    recordings: Sequence[Recording], nthread: int = 1, h_max: float = 2e-3, *, beside: Sequence[Recording] = ()
+) -> Evidence:
     """Return rollout evidence if every controller is known, otherwise inverse dynamics.
 
     Args:
-        recordings: of one robot.
+        recordings: of one robot and the same joints.
         nthread, h_max: as in `Evidence`; inverse dynamics needs neither.
+        beside: recordings of another evidence that is compared in the same way, such as the held-out ones.
 
     Raises:
-        UserError: recordings of different robots, or that cannot be compared.
+        UserError: recordings of different robots or joints, or that cannot be compared.
     """
     if nthread < 1:
         raise UserError("must be at least 1", key="threads", got=nthread)
-    for rec in recordings:
-        if rec.robot != recordings[0].robot:
-            raise UserError(
-                "recordings of different robots",
-                file=rec.path,
-                key="robot",
-                expected=recordings[0].robot,
-                got=rec.robot,
-            )
-    if any(rec.control.mode == "unknown" for rec in recordings):
+    every = (*recordings, *beside)
+    for rec in every:
+        for key, has, first in (
+            ("robot", rec.robot, every[0].robot),
+            ("joints", ", ".join(rec.joints), ", ".join(every[0].joints)),
+        ):
+            if has != first:
+                what = f"recordings of different {key.rstrip('s')}s"
+                raise UserError(what, file=rec.path, key=key, expected=first, got=has)
+    if any(rec.control.mode == "unknown" for rec in every):
         return TorqueEvidence(recordings)
     return Evidence(recordings, h_max=h_max, nthread=nthread)
 
@@ -209,7 +212,8 @@ def _items(rec: Recording, sigma: np.ndarray, contact: Contact | None) -> list[I
         if rec.torque_sensor == "none":
             why, key = "`torque_sensor` is none, so that no torque is used", "torque_sensor"
         expected = "joint or motor, with tau columns, or a controller"
-        raise UserError(f"the controller is unknown and {why}", file=header, key=key, expected=expected)
+        whose = "the controller" if rec.control.mode == "unknown" else "another recording's controller"
+        raise UserError(f"{whose} is unknown and {why}", file=header, key=key, expected=expected)
     free = np.ones(len(rec.time), bool) if contact is None else contact.free
     long = long_runs(rec)
     if not long:

@@ -36,10 +36,10 @@ class Joints(Plain):
     def __init__(self, inputs: Inputs, threads: int, say: Say, progress: Progress | None):
         self.recordings = (*inputs.fitted, *inputs.held_out)
         judging = inputs.fitted if progress is None else inputs.held_out
-        self.judged = without_drift(evidence_for(judging, threads, h_max=1e-3), inputs.world)
+        self.judged = without_drift(evidence_for(judging, threads, h_max=1e-3, beside=self.recordings), inputs.world)
         self.search = None
         if progress is not None:
-            evidence = without_drift(evidence_for(inputs.fitted, threads), inputs.world)
+            evidence = without_drift(evidence_for(inputs.fitted, threads, beside=self.recordings), inputs.world)
             # as the command does; worked out at the first step, once
             proposed = cache(lambda: placed(propose(inputs.world, inputs.fitted, inputs.held_out)))
             self.search = Search(evidence, Judge(self.judged), say, progress, proposed)
