@@ -30,8 +30,11 @@ STEPS = RNG.integers(0, 4000, (4, H, W), dtype=np.uint16)
 JOINTS = ("joint1", "joint2")
 
 
-def bag(path, kind, damaged="", lens=(0.1, -0.02, 1e-3, 2e-3, 0.0), focal=20.0):
-    """Joint states, and each way of sending a picture, four of each at 0.1 to 0.4 s; rows are padded by 5 bytes."""
+def bag(path, kind, damaged="", lens=(0.1, -0.02, 1e-3, 2e-3, 0.0), focal=20.0, more=()):
+    """Joint states, and each way of sending a picture, four of each at 0.1 to 0.4 s; rows are padded by 5 bytes.
+
+    The topics `more` hold colour, too.
+    """
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
@@ -90,12 +93,15 @@ def bag(path, kind, damaged="", lens=(0.1, -0.02, 1e-3, 2e-3, 0.0), focal=20.0):
                 image(at, "32FC1", np.where(STEPS[k] > 0, STEPS[k] * 1e-3, np.nan).astype("f4")),
             )
             send("/d435/color/image_raw", at, image(at, "rgb8", RGB[k], frame="d435_optical"))
+            for topic in more:
+                send(topic, at, image(at, "rgb8", RGB[k]))
             late, optical = at + 3_000_000, {"frame": "d435_optical"}
             send("/d435/aligned_depth_to_color/image_raw", late, image(late, "16UC1", STEPS[k], **optical))
             send("/png/compressed", at, packed(at, "png", cv2.imencode(".png", RGB[k][..., ::-1])[1].tobytes()))
             deep = b"\0" * 12 + cv2.imencode(".png", STEPS[k])[1].tobytes()
             send("/deep/image/compressedDepth", at, packed(at, "16UC1; compressedDepth png", deep))
-            for name in ("/wrist/color", "/side", "/wrist/depth", "/side/depth", "/png", "/deep", "/d435/color"):
+            names = ("/wrist/color", "/side", "/wrist/depth", "/side/depth", "/png", "/deep", "/d435/color")
+            for name in (*names, *(topic.rpartition("/")[0] for topic in more)):
                 send(f"{name}/camera_info", at, info(at))
     return path
 
@@ -112,6 +118,22 @@ def test_depth_of_another_unit_is_refused_as_another_size_is(tmp_path):
     assert "\n" not in str(said.value)
     with pytest.raises(UserError, match="change their size"):
         album.add("eye", 0.2, depth[:6], unit=1e-3)
+
+
+@pytest.mark.parametrize("other", ["/side/image_rect", "/si/de/image_raw"])
+def test_two_topics_do_not_become_one_camera(other, tmp_path):
+    """Raw and rectified pictures have different intrinsics; two namespaces are two cameras."""
+    pytest.importorskip("rosbags")
+    one = {"/side/image_rect": "/side/image_raw", "/si/de/image_raw": "/si_de/image_raw"}[other]
+    source, scratch = bag(tmp_path / "run", "mcap", more={one, other} - {"/side/image_raw"}), tmp_path / "scratch"
+    scratch.mkdir()
+    for images in (("all",), (one, other), (f"eye={one}", f"eye={other}")):
+        with pytest.raises(UserError, match="two topics of pictures would be one camera.*expected NAME=TOPIC"):
+            import_rosbag(source, "iiwa14", JOINTS, ColumnMap(), Topics(images=images), scratch)
+    apart = Topics(images=(one, f"other={other}"))
+    frames = import_rosbag(source, "iiwa14", JOINTS, ColumnMap(), apart, scratch).frames
+    assert sorted(frames.names) == sorted([camera_name(one), "other"])
+    assert all(len(frames.of(name)) == 4 for name in frames.names)
 
 
 @pytest.mark.parametrize("kind", ["bag", "mcap"])

@@ -81,7 +81,8 @@ def read_images(
         source: the bag, named in error messages.
 
     Raises:
-        UserError: an unknown encoding, a picture that is cut short, or a camera that `lens_of` refuses.
+        UserError: an unknown encoding, a picture that is cut short, a camera that `lens_of` refuses, or two topics that
+            would be one camera.
     """
     cameras: dict[str, RecordedCamera] = {}
     names = _names(reader, topics, source)
@@ -110,20 +111,32 @@ def _names(reader: Any, topics: Mapping[str, str], source: Path) -> dict[str, st
     A depth topic without a stated name takes the name of the colour topic with the same frame_id and image size, if
     these have just one topic of each: a driver that aligns depth to the colour camera's pixels stamps it with that
     camera's optical frame.
+
+    Raises:
+        UserError: two topics of colour, or two of depth, with one name.
     """
-    frames: dict[tuple[str, tuple[int, ...]], list[tuple[str, bool]]] = {}
+    coloured: dict[str, bool] = {}
+    frames: dict[tuple[str, tuple[int, ...]], list[str]] = {}
     for topic in topics:
         kind, decode = _reading(reader, topic)
         message = next((m for _, _, m in messages(reader, topic, kind, source)), None)
-        if message is None or not message.header.frame_id:
+        if message is None:
             continue
         image, _ = decode(message, source, topic)
-        frames.setdefault((message.header.frame_id, image.shape[:2]), []).append((topic, image.ndim == 3))
+        coloured[topic] = image.ndim == 3
+        if message.header.frame_id:
+            frames.setdefault((message.header.frame_id, image.shape[:2]), []).append(topic)
     out = {topic: name or camera_name(topic) for topic, name in topics.items()}
     for streams in frames.values():
-        colour, depth = ([t for t, coloured in streams if coloured is wanted] for wanted in (True, False))
+        colour, depth = ([t for t in streams if coloured[t] is wanted] for wanted in (True, False))
         if len(colour) == len(depth) == 1 and not topics[depth[0]]:
             out[depth[0]] = out[colour[0]]
+    first: dict[tuple[str, bool], str] = {}
+    for topic, is_colour in coloured.items():
+        other = first.setdefault((out[topic], is_colour), topic)
+        if other != topic:
+            what = f"two topics of pictures would be one camera '{out[topic]}'"
+            raise UserError(what, file=source, key="--images", expected="NAME=TOPIC", got=f"{other} and {topic}")
     return out
 
 
