@@ -10,6 +10,8 @@ import numpy as np
 from scipy import signal
 
 from vispeg.core.errors import UserError
+from vispeg.recordings.checks.missing import MOST
+from vispeg.recordings.differentiate import episodes
 from vispeg.recordings.load import load
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.tables.read import read_table
@@ -70,12 +72,28 @@ class Trace:
         return bool(least < -0.05 * most or least > 0.2 * most)
 
 
-def from_recording(path: Path, joint: str | None) -> tuple[list[Trace], str, str]:
-    """Return the traces of a recording, one per episode, the joint's name, and the robot.
+def most_moved(paths: Sequence[Path]) -> str:
+    """Return the joint whose command varies most within one of the recordings.
 
-    Args:
-        path: of the recording.
-        joint: its name; None for the joint whose command moves most.
+    Raises:
+        UserError: a recording that cannot be read, or no commanded angles in any.
+    """
+    spread: dict[str, float] = {}
+    for path in paths:
+        rec = load(path, lambda header: ("q_cmd",))
+        for joint, command in zip(rec.joints, () if rec.q_cmd is None else rec.q_cmd.T, strict=False):
+            if np.isfinite(command).any():
+                spread[joint] = max(spread.get(joint, 0.0), float(np.nanstd(command)))
+    if not spread:
+        raise UserError("has no commanded angles", file=paths[0], expected="columns q_cmd.<joint>")
+    return max(spread, key=spread.__getitem__)
+
+
+def from_recording(path: Path, joint: str) -> tuple[list[Trace], str]:
+    """Return a joint's traces in a recording, one per episode, and the robot.
+
+    Rows that lack the joint's command, angle or torque are left out; an episode that lacks the torque of more than the
+    share `MOST` of its rows has none.
 
     Raises:
         UserError: a recording that cannot be read, with implausible units, without commanded angles, or without that
@@ -85,23 +103,27 @@ def from_recording(path: Path, joint: str | None) -> tuple[list[Trace], str, str
     check_units(rec)
     if rec.q_cmd is None:
         raise UserError("has no commanded angles", file=path, expected="columns q_cmd.<joint>")
-    if joint is None:
-        joint = rec.joints[int(np.argmax(np.nanstd(rec.q_cmd, axis=0)))]
     if joint not in rec.joints:
         raise UserError("no such joint", file=path, got=joint, choices=rec.joints)
     j = rec.joints.index(joint)
     episode = np.zeros(len(rec.time)) if rec.episode is None else rec.episode
     torque, why = motor_torque(rec, j)
     has_servo = rec.control.mode in ("servo", "unknown")
-    asked = rec.torque_sensor != "motor"
+    asked = rec.tau is None or rec.torque_sensor != "motor"
     out, numbers = [], np.unique(episode)
     for number in numbers:
         rows = (episode == number) & np.isfinite(rec.q[:, j]) & np.isfinite(rec.q_cmd[:, j])
-        tau = None if torque is None or not np.isfinite(torque[rows]).all() else torque[rows]
-        arrays = rec.time[rows], rec.q_cmd[rows, j], rec.q[rows, j], tau
+        tau, reason = torque, why
+        if tau is not None:
+            there = rows & np.isfinite(tau)
+            if there.sum() >= (1 - MOST) * rows.sum():
+                rows = there
+            else:
+                tau, reason = None, f"the torque is missing in more than {MOST:.0%} of the rows"
+        arrays = rec.time[rows], rec.q_cmd[rows, j], rec.q[rows, j], None if tau is None else tau[rows]
         name = str(path) if len(numbers) == 1 else f"{path}, episode {number}"
-        out.append(_checked(Trace(name, *arrays, why, has_servo, asked), path))
-    return out, joint, rec.robot
+        out.append(_checked(Trace(name, *arrays, reason, has_servo, asked), path))
+    return out, rec.robot
 
 
 def motor_torque(rec: Recording, j: int) -> tuple[np.ndarray | None, str]:
@@ -116,10 +138,20 @@ def motor_torque(rec: Recording, j: int) -> tuple[np.ndarray | None, str]:
     if law.mode != "position" or law.kp is None or law.kd is None or rec.q_cmd is None:
         behind = "the torque sensor sits behind the gear, where friction does not show"
         return None, "no torque was recorded" if rec.tau is None or rec.torque_sensor == "none" else behind
-    rate = np.gradient(rec.q[:, j], rec.time) if rec.dq is None else rec.dq[:, j]
+    rate = _speed(rec, j) if rec.dq is None else rec.dq[:, j]
     wanted = 0.0 if rec.dq_cmd is None else rec.dq_cmd[:, j]
     tau = law.kp[j] * (rec.q_cmd[:, j] - rec.q[:, j]) + law.kd[j] * (wanted - rate)
     return tau + (_weight(rec, j) if law.gravity_compensation == "model" else 0.0), ""
+
+
+def _speed(rec: Recording, j: int) -> np.ndarray:
+    """Differentiate the angle of joint j within each episode; (n,) rad/s, NaN at rows without a reading."""
+    out = np.full(len(rec.time), np.nan)
+    for rows in episodes(rec.time, rec.episode):
+        there = rows[np.isfinite(rec.q[rows, j])]
+        if len(there) > 1:
+            out[there] = np.gradient(rec.q[there, j], rec.time[there])
+    return out
 
 
 def _weight(rec: Recording, j: int) -> np.ndarray:

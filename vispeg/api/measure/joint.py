@@ -14,7 +14,7 @@ from vispeg.core.several import several
 from vispeg.measure import joint as joints
 from vispeg.measure.actuator import alone, parameters, text
 from vispeg.measure.arm import Arm, arm_of
-from vispeg.measure.trace import Trace, from_recording, from_table
+from vispeg.measure.trace import Trace, from_recording, from_table, most_moved
 from vispeg.recordings.load import load as load_recording
 from vispeg.report.drawings.measured_joint import picture
 from vispeg.worlds.measurement_file import Measurement, measurement_text
@@ -97,14 +97,14 @@ def _traces(
     if not paths or twice:
         raise UserError("given twice" if twice else "no recording given", file=twice[0] if twice else None)
     if all(path.is_dir() for path in paths):
-        traces, robots = list[Trace](), list[str]()
+        traces, robots, joint = list[Trace](), list[str](), joint or most_moved(paths)
         for path in paths:
-            some, joint, robot = from_recording(path, joint)
+            some, robot = from_recording(path, joint)
             traces += some
             robots.append(robot)
         if len(set(robots)) > 1:
             raise UserError("recordings of several robots", got=", ".join(sorted(set(robots))))
-        return traces, str(joint), robots[0]
+        return traces, joint, robots[0]
     if not columns:
         raise UserError("a table needs its columns named", key="--columns", expected="time=.. q_cmd=.. q=.. [tau=..]")
     return [from_table(path, columns) for path in paths], joint or "joint", None
