@@ -1,11 +1,13 @@
 """Two states of one robot: what both have is the arm, what one has is the change, named with its size."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from loops import ARM
+from loops import ARM, SWING, WEIGHT, pendulum
 
+import vispeg
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
@@ -58,3 +60,20 @@ def test_a_baseline_needs_a_recording_to_judge_on(states):
     empty, loaded = states
     with pytest.raises(UserError, match="another must judge"):
         diagnose_change(World(empty[0].robot), empty[:1], loaded[:2], loaded[2:])
+
+
+def test_a_change_keeps_what_joints_do_not_show_and_states_all_inputs():
+    """A pendulum that is as its model says, before and after; its model also has effects that cameras alone see."""
+    robot, t, recordings = pendulum(), np.arange(1600) * 5e-3, []
+    for i, name in enumerate(["d", "b", "c", "a"]):
+        w = 2.0 + 0.4 * i
+        q = 0.8 * np.sin(w * t)[:, None]
+        tau = -SWING * w**2 * q + WEIGHT * np.sin(q) + 0.02 * stream(i, "pendulum").standard_normal(q.shape)
+        rec = Recording(Path(name), robot.source, robot.joints, 200.0, Control("unknown", 200.0), t, q, tau=tau)
+        recordings.append(replace(rec, torque_sensor="motor", noise={"tau": 0.02}))
+    world = World(robot.source).add(
+        EffectInstance.of("brightness", "external", change=0.2), EffectInstance.of("background", "all")
+    )
+    found = vispeg.diagnose(world, recordings[2], recordings[3], baseline=recordings[:2], threads=1)
+    assert found.verdict == "adequate" and found.world.effects == world.effects
+    assert list(found.record["provenance"]["inputs"]) == ["a", "b", "c", "d"]

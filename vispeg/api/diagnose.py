@@ -15,7 +15,7 @@ from vispeg.api.objects import diagnose_tosses, object_world
 from vispeg.api.result import Result, Traced
 from vispeg.api.stress.remainder import Price
 from vispeg.channels import conduct
-from vispeg.channels.channel import How
+from vispeg.channels.channel import CHANNELS, How
 from vispeg.channels.resolve import resolve
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
@@ -184,7 +184,10 @@ def diagnose(
             raise UserError("a change can only be found in the joints", key="--channels", got=" ".join(channels))
         was = (*before.fitted, *before.held_out)
         options = {"seed": seed, "nthread": threads, "say": say, "progress": progress, "likely": likely}
-        result = diagnose_change(inputs.world, was, *both, **options)
+        joints = CHANNELS["joints"]
+        change = diagnose_change(joints.part(inputs.world), was, *both, **options)
+        result = conduct.whole(change, joints, inputs.world)
+        stamp["inputs"] = dict(sorted({**stamp["inputs"], **before.provenance(seed)["inputs"]}.items()))
     with_arms(inputs.world, result.arrays)
     remainder = result.record.get("remainder", [])
     paid = {}
