@@ -5,7 +5,9 @@ import re
 import numpy as np
 import pytest
 
+from vispeg.api.datasets import render_dataset
 from vispeg.cli.main import main
+from vispeg.core.errors import UserError
 from vispeg.datasets.read import Dataset
 from vispeg.report.dataset import build
 
@@ -47,6 +49,13 @@ def test_render_check_show_and_mistakes(tmp_path, monkeypatch, capsys):
         lines = capsys.readouterr().err.strip().splitlines()
         assert len(lines) == 1 and words in lines[0], lines
     assert sorted(p.name for p in tmp_path.iterdir()) == ["d", "d-page"]
+
+
+@pytest.mark.parametrize(("option", "choices"), [("format", "lerobot, bop, folder"), ("engine", "local, ray")])
+def test_a_format_or_an_engine_that_there_is_not_is_refused_before_anything_is_written(tmp_path, option, choices):
+    with pytest.raises(UserError, match=f"{option}: unknown {option}.*{choices}"):
+        render_dataset(tmp_path / "d", "nominal", frames=4, **{option: "nosuch"})
+    assert not list(tmp_path.iterdir())
 
 
 def test_colour_alone_is_the_same_colour_and_every_command_reads_it(tmp_path, monkeypatch, capsys):

@@ -166,13 +166,16 @@ def render_dataset(
         watch: called with the number of new frames after each batch.
 
     Raises:
-        UserError: an unknown world or camera, impossible numbers, or `out` holds other files.
+        UserError: an unknown world, camera, format or engine, impossible numbers, or `out` holds other files.
     """
     from vispeg.demonstrations.plan import plan_of
     from vispeg.demonstrations.stage import shard
 
     if workers < 0:
         raise UserError("must not be negative", key="workers", got=workers)
+    for key, got, choices in (("format", format, ("lerobot", *EXPORTS)), ("engine", engine, ("local", "ray"))):
+        if got not in choices:
+            raise UserError(f"unknown {key}", key=key, got=got, choices=choices)
     if modality == "rgb" and format == "bop":
         raise UserError("BOP requires depth", key="modality", expected="rgbd", got=modality)
     if engine == "ray":
