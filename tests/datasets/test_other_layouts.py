@@ -7,6 +7,8 @@ from dataclasses import replace
 import cv2
 import mutations
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import trimesh
 import yaml
@@ -22,7 +24,7 @@ from vispeg.datasets.read import Dataset
 from vispeg.datasets.shards.rendering import render
 from vispeg.demonstrations.plan import plan_of
 from vispeg.render.part_mesh import part_mesh
-from vispeg.report.dataset.build import write
+from vispeg.report.dataset.build import headline, write
 from vispeg.robots.scene import build
 
 BOX = trimesh.creation.box((0.016, 0.016, 0.08))
@@ -69,6 +71,47 @@ def test_its_frames_are_those_of_the_dataset(folder, source_of, kind):
             assert np.allclose(got["action"], want["action"]) and got["next.done"] == want["next.done"]
         else:  # parts that are objects, in the objects' order
             assert np.array_equal(got["label.parts.eye"], np.array([0, 0, 1, 2])[want["label.parts.eye"]])
+
+
+def test_frames_are_counted_from_the_end_too_and_end_where_the_dataset_ends(folder):
+    data = open_dataset(folder)
+    for name, last in data[-1].items():
+        assert np.array_equal(last, data[7][name]) and np.array_equal(data[-8][name], data[0][name])
+    for beyond in (8, -9):
+        with pytest.raises(IndexError):
+            data[beyond]
+
+
+def test_plain_files_keep_texts_and_every_digit_of_an_integer(source_of, tmp_path):
+    wanted = {
+        "note": [f'line {i}\nof "{i}", True' for i in range(8)],
+        "stamp": [1234567890123456789 + i for i in range(8)],
+        "large": [2**64 - 1 - i for i in range(8)],
+        "small": np.float32([0.1 * i for i in range(8)]).tolist(),
+    }
+    types = dict(zip(wanted, ("string", "int64", "uint64", "float32"), strict=True))
+    shutil.copytree(source_of / "d", tmp_path / "d")
+    info = json.loads((tmp_path / "d/meta/info.json").read_text())
+    info["features"] |= {name: {"dtype": kind, "shape": [1], "names": None} for name, kind in types.items()}
+    (tmp_path / "d/meta/info.json").write_text(json.dumps(info))
+    path = tmp_path / "d/data/chunk-000/file-000.parquet"
+    rows = pq.read_table(path)
+    for name, kind in types.items():
+        rows = rows.append_column(name, pa.array(wanted[name], kind))
+    pq.write_table(rows, path)
+    export(tmp_path / "d", tmp_path / "plain", "folder")
+    data = open_dataset(tmp_path / "plain")
+    for name, values in wanted.items():
+        read = np.concatenate([data.episode(k)[name] for k in range(len(data.episodes))])
+        assert read.reshape(-1).tolist() == values and (name == "note" or read.dtype == types[name])
+
+
+@pytest.mark.parametrize("kind", ["folder"], indirect=True)
+def test_an_episode_that_leaves_open_its_look_and_redraws_is_shown(folder, tmp_path):
+    path = folder / "episode-00000/episode.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"vispeg/look": None, "vispeg/redraws": None}))
+    assert check(folder) == [] and "Contrast guard" in write(folder, tmp_path / "page", 4).read_text()
+    assert headline(open_dataset(folder))["ends"] == [("success", 1)]
 
 
 @pytest.mark.parametrize("every", [EVERY, pytest.param(1, marks=pytest.mark.slow)], ids=["some", "all"])

@@ -32,6 +32,8 @@ Depth has 16 bits, 0.1 mm per step, and 0 for no reading. Pictures of parts hold
 cameras.yaml holds the nominal cameras; dataset.json the features, parts and totals.
 """
 LONGEST = 100_000  # most frames of an episode
+BOOLS = {"True": "1", "False": "0"}
+READ_AS = {"string": object, "bool": int}  # other types as themselves, so that no digit of an integer is lost
 
 
 def write_plain(source: Path, out: Path) -> None:
@@ -127,7 +129,7 @@ class Plain(Stored):
                 files = [folder / f"{short_of(name)}-{i:03d}.png" for i in range(length)]
                 out[name] = np.stack([picture(file, feature) for file in files])
             else:
-                out[name] = _numbers(columns, name, feature, folder / "frames.csv")
+                out[name] = _values(columns, name, feature, folder / "frames.csv")
         return out
 
 
@@ -144,17 +146,19 @@ def _columns(path: Path, length: int) -> dict[str, list[str]]:
     return dict(zip(heads, map(list, zip(*rows, strict=True)), strict=True))
 
 
-def _numbers(columns: dict[str, list[str]], name: str, feature: Feature, path: Path) -> np.ndarray:
-    arrays = []
+def _values(columns: dict[str, list[str]], name: str, feature: Feature, path: Path) -> np.ndarray:
+    """Return a feature's values (T, ...), of its own type; texts are objects."""
+    dtype, arrays = feature["dtype"], []
     for entry in entries_of(feature):
         key = f"{name}.{entry}" if entry else name
         if key not in columns:
             raise UserError("a column is missing", file=path, expected=key)
-        cells = [{"True": "1", "False": "0"}.get(cell, cell) for cell in columns[key]]
+        cells = [BOOLS.get(cell, cell) for cell in columns[key]] if dtype == "bool" else columns[key]
         try:
-            arrays.append(np.array(cells, float))
-        except ValueError:
-            raise UserError("holds values that are not numbers", file=path, key=key) from None
-        if not np.isfinite(arrays[-1]).all():
+            arrays.append(np.array(cells, READ_AS.get(dtype, dtype)))
+        except (ValueError, OverflowError):
+            raise UserError("holds other values", file=path, key=key, expected=f"numbers of type {dtype}") from None
+        if dtype != "string" and not np.isfinite(arrays[-1]).all():
             raise UserError("is not finite", file=path, key=key)
-    return np.stack(arrays, axis=-1).astype(feature["dtype"]).reshape(-1, *feature["shape"])
+    values = np.stack(arrays, axis=-1).reshape(-1, *feature["shape"])
+    return values.astype(bool) if dtype == "bool" else values

@@ -65,6 +65,9 @@ class Stored(ABC):
         return sum(e["length"] for e in self.episodes)
 
     def __getitem__(self, index: int) -> dict[str, np.ndarray]:
+        if not -len(self) <= index < len(self):
+            raise IndexError(f"frame {index} of {len(self)}")
+        index %= len(self)
         number = bisect_right(self._starts, index) - 1
         frames = self.episode(number)
         return {name: frames[name][index - self._starts[number]] for name in self.features}

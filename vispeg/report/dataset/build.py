@@ -71,7 +71,7 @@ def headline(data: Dataset | Stored) -> Mapping[str, object]:
     """Return totals of the dataset, and how its complete episodes ended."""
     plan = data.made.get("plan", {})
     lengths = [e["length"] for e in data.episodes]
-    complete = [e for e in data.episodes if not e.get(f"{OWN}cut") and e.get(f"{OWN}look", 0) == 0]
+    complete = [e for e in data.episodes if not e.get(f"{OWN}cut") and not e.get(f"{OWN}look")]
     ends = Counter(e.get(f"{OWN}category") for e in complete)
     return {
         "name": data.folder.name,
@@ -126,7 +126,7 @@ def _depth(depths: np.ndarray, low: float, high: float) -> Mapping[str, str]:
 
 def guard(data: Dataset | Stored) -> Mapping[str, object]:
     """Return figures on how often an episode's look was drawn again because its contrast was too low."""
-    redraws = np.array([e.get(f"{OWN}redraws", 0) for e in data.episodes])
+    redraws = np.array([e.get(f"{OWN}redraws") or 0 for e in data.episodes])
     exhausted = sum(bool(e.get(f"{OWN}redraws_exhausted")) for e in data.episodes)
     counts = Counter(redraws.tolist())
     tall = max(counts.values())
