@@ -25,10 +25,10 @@ JOINTS = ("joint1", "joint2")
 START = 1_700_000_000_000_000_000
 
 
-def bag(path: Path, kind: str, rec, stamped: bool = True) -> Path:
+def bag(path: Path, kind: str, rec, stamped: bool = True, asked=None) -> Path:
     """A bag with measured and commanded states, poses at a fifth of the rate, wrenches, and a gripper on the side.
 
-    Names come in another order than the joints, and the order changes half-way.
+    Names come in another order than the joints, and the order changes half-way. `asked` are commanded efforts.
     """
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin, Writer
@@ -84,7 +84,8 @@ def bag(path: Path, kind: str, rec, stamped: bool = True) -> Path:
             send("/joint_states", at, state(at, names, rec.q[k, order], rec.dq[k, order], rec.tau[k, order]))
             if k % 3 == 0:
                 send("/joint_states", at + 5000, state(at + 5000, ["finger"], [0.01], [], []))
-            send("/command", at + 300_000, state(at + 300_000, JOINTS, rec.q_cmd[k], [], []))  # 0.3 ms after
+            effort = [] if asked is None else asked[k]
+            send("/command", at + 300_000, state(at + 300_000, JOINTS, rec.q_cmd[k], [], effort))  # 0.3 ms after
             if k % 5 == 0:
                 send("/pose", at, pose(at, rec.ee[k]))
                 send("/wrench", at, wrench(at, rec.ft[k]))
@@ -224,10 +225,14 @@ def test_efforts_that_are_currents_become_torques_by_torque_constants(tmp_path):
     links = body.format("joint1") + body.format("joint2") + "</body></body>"
     (tmp_path / "arm.xml").write_text(f"<mujoco><worldbody>{links}</worldbody></mujoco>")
     rec = recording(200)
-    file, topics = bag(tmp_path / "run", "mcap", rec), Topics("/joint_states", "/command")
+    file, topics = bag(tmp_path / "run", "mcap", rec, asked=1.5 * rec.tau), Topics("/joint_states", "/command")
     arm = str(tmp_path / "arm.xml")
     back = convert(file, arm, tmp_path / "rig", topics=topics, torque_constants=["10", "10"], insist=True)
     np.testing.assert_allclose(back.tau, 10 * rec.tau, atol=1e-12)
+    np.testing.assert_allclose(back.tau_cmd, 15 * rec.tau, atol=1e-12)
+    motors = ColumnMap(motors={"joint1": {"joint1": 0.125}})
+    with pytest.raises(UserError, match="are not used with motors of a map"):
+        convert(file, arm, tmp_path / "other", mapping=motors, topics=topics, torque_constants=["10", "10"])
     assert back.torque_sensor == "motor"
     with pytest.raises(UserError, match="no constant of this joint; got 'joint1'"):
         convert(file, arm, tmp_path / "other", topics=topics, torque_constants=["joint2=8"], insist=True)

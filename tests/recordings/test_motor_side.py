@@ -104,6 +104,34 @@ def test_an_archive_of_motors(tmp_path, arm):
     np.testing.assert_allclose(rec.tau, TAU, atol=1e-9)
 
 
+@pytest.mark.parametrize("section", [{"lift_joint": "1/8"}, WRISTS], ids=str)
+def test_a_constant_is_the_joints_or_the_motors(section, tmp_path, arm):
+    """A constant at the joint gives the joint's torque without `motors`; the motor's own is a scale, and the gear's."""
+    q, dq, tau = motors(matrix(section))
+    current = {"time": TIME} | numbered("q", q) | numbered("i", tau / 0.25)
+    lines = {f"q.{joint}": f"q_{j}" for j, joint in enumerate(JOINTS)} | {"motors": section}
+    file = table(tmp_path / "log.csv", current)
+    for stated in ({"unit": "A", "torque_constant": 0.25}, {"scale": 0.25}):
+        lines |= {f"tau.{joint}": {"column": f"i_{j}", **stated} for j, joint in enumerate(JOINTS)}
+        (tmp_path / "map.yaml").write_text(yaml.safe_dump({"time": "time", **lines}))
+        if "unit" in stated:
+            with pytest.raises(UserError, match="`motors` would convert a constant at the joint again"):
+                convert(file, arm, tmp_path / "rig", mapping=tmp_path / "map.yaml")
+    rec = convert(file, arm, tmp_path / "rig", mapping=tmp_path / "map.yaml", torque_sensor="motor")
+    np.testing.assert_allclose(rec.tau, TAU, atol=1e-9)
+
+
+def test_a_constant_of_a_joint_beside_motors_of_another(tmp_path, arm):
+    q, _, tau = motors(matrix({"lift_joint": 0.125}))
+    tau[:, 0] = TAU[:, 0] / 10.0
+    lines = {f"{word}.{joint}": f"{word}_{j}" for word in ("q", "tau") for j, joint in enumerate(JOINTS)}
+    lines["tau.base_joint"] = {"column": "tau_0", "unit": "A", "torque_constant": 10.0}
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump({"time": "time", **lines, "motors": {"lift_joint": 0.125}}))
+    file = table(tmp_path / "log.csv", {"time": TIME} | numbered("q", q) | numbered("tau", tau))
+    rec = convert(file, arm, tmp_path / "rig", mapping=tmp_path / "map.yaml", torque_sensor="motor")
+    np.testing.assert_allclose(rec.tau, TAU, atol=1e-9)
+
+
 def test_the_refusal_of_a_range_names_motors(tmp_path, arm):
     with pytest.raises(UserError, match="motors: in a map if angles are the motors'"):
         converted(tmp_path, arm, {"q": 8 * Q}, {})

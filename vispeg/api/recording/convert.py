@@ -86,6 +86,9 @@ def convert(
         expected = "--guess, a bag, or torque_constant in the map"
         raise UserError("are not used with this source", file=source, key=KEY, expected=expected)
     columns = mapping if isinstance(mapping, ColumnMap) else read_map(mapping, model.joints)
+    if constants is not None and columns.motors:
+        expected = "no `motors`: the constants are those at the joint"
+        raise UserError("are not used with motors of a map", file=columns.file, key=KEY, expected=expected)
     if rate_hz is not None:
         columns = replace(columns, rate_hz=checked_rate(rate_hz, "--rate-hz"))
     if column_names:
@@ -193,13 +196,18 @@ def _of_currents(
     sensor: Literal["joint", "motor", "none"] | None,
     source: Path,
 ) -> Recording:
-    """Convert efforts in A to torques in N m. Raises UserError: no efforts, or a joint without a constant."""
+    """Convert efforts in A, measured and commanded, to torques in N m.
+
+    Raises:
+        UserError: no efforts, or a joint without a constant.
+    """
     lacking = [joint for joint in rec.joints if joint not in constants]
     if rec.tau is None or lacking:
         said = "no constant of this joint" if lacking else "the bag has no efforts"
         raise UserError(said, file=source, key=KEY, got=", ".join(lacking) or None)
     factors = [constants[joint].value for joint in rec.joints]
-    return replace(rec, tau=rec.tau * factors, torque_sensor=sensor or "motor")
+    asked = None if rec.tau_cmd is None else rec.tau_cmd * factors
+    return replace(rec, tau=rec.tau * factors, tau_cmd=asked, torque_sensor=sensor or "motor")
 
 
 def _cameras(files: Sequence[Path], robot: RobotModel) -> Mapping[str, RecordedCamera]:

@@ -126,7 +126,8 @@ def map_from(data: Any, file: Path, joints: Sequence[str]) -> ColumnMap:
     own = _section(recording, "signals", file)  # of user-defined channels
     every = (*SIGNALS, *map(str, own))
     targets = ["time", "episode", *every, *(c for s in every for c in columns_of(s, list(map(str, names))))]
-    columns, rate = {}, None
+    columns, rate, motors = {}, None, _motors(_section(data, "motors", file), [str(name) for name in names], file)
+    turned = {*motors, *(motor for terms in motors.values() for motor in terms)}
     for target, value in data.items():
         if target in OTHER:
             continue
@@ -135,8 +136,9 @@ def map_from(data: Any, file: Path, joints: Sequence[str]) -> ColumnMap:
             continue
         if target not in targets:
             raise UserError("is not a column of a recording", file=file, got=target, choices=[*targets, *OTHER])
-        columns[target] = _source(value, target, file, _own_unit(own, target))
-    motors = _motors(_section(data, "motors", file), [str(name) for name in names], file)
+        joint = target.partition(".")[2]
+        of_motor = joint in turned if joint else bool(turned)
+        columns[target] = _source(value, target, file, _own_unit(own, target), of_motor)
     return ColumnMap(file, columns, renamed, recording, _dialect(_section(data, "table", file), file), rate, motors)
 
 
@@ -219,7 +221,8 @@ def _unit(unit: Any, into: str, target: str, file: Path) -> float:
     return known[unit] / known.get(into, 1.0)
 
 
-def _source(value: Any, target: str, file: Path, into: str = "") -> Source:
+def _source(value: Any, target: str, file: Path, into: str = "", of_motor: bool = False) -> Source:
+    """Parse one value of the map; `into` as for `_unit`, `of_motor`: whether the section `motors` converts it."""
     if value == "none":
         return Source("")
     if isinstance(value, str | int):
@@ -233,7 +236,7 @@ def _source(value: Any, target: str, file: Path, into: str = "") -> Source:
         if key not in keys:
             raise UserError("unknown key", file=file, key=target, got=key, choices=keys)
     factor = _unit(value.get("unit"), into, target, file)
-    _check_current(value, target, file)
+    _check_current(value, target, file, of_motor)
     numbers = {}
     for key, default in (("scale", 1.0), ("offset", 0.0), ("torque_constant", 1.0)):
         number = value.get(key, default)
@@ -242,14 +245,17 @@ def _source(value: Any, target: str, file: Path, into: str = "") -> Source:
         numbers[key] = float(number)
     added = value.get("plus", [])
     terms = added if isinstance(added, list) else [added]
-    plus = tuple(_source(term, f"{target}.plus", file, into) for term in terms)
+    plus = tuple(_source(term, f"{target}.plus", file, into, of_motor) for term in terms)
     if not all(term.name for term in plus):
         raise UserError("names no column", file=file, key=f"{target}.plus", expected="{column: ..}", got=added)
     return Source(str(value["column"]), numbers["torque_constant"] * numbers["scale"] * factor, numbers["offset"], plus)
 
 
-def _check_current(value: dict, target: str, file: Path) -> None:
-    """Refuse a current without torque constant, a constant without current, or a current mapped to a non-torque."""
+def _check_current(value: dict, target: str, file: Path, of_motor: bool) -> None:
+    """Refuse a current without torque constant, a constant without current, or a current mapped to a non-torque.
+
+    A torque constant is one at the joint, so it is refused where `motors` converts torques of motors.
+    """
     constant, amperes = value.get("torque_constant"), value.get("unit") in AMPERES
     if target.partition(".")[0] not in SIGNALS and constant is None:
         return  # a user-defined channel may compare currents
@@ -258,6 +264,11 @@ def _check_current(value: dict, target: str, file: Path) -> None:
     if amperes and constant is None:
         expected = "torque_constant: N m/A at the joint, the motor's constant times the gear"
         raise UserError("a current needs its torque constant", file=file, key=target, expected=expected)
+    if constant is not None and of_motor:
+        expected = "no unit, and as scale N m/A at the motor"
+        raise UserError(
+            "`motors` would convert a constant at the joint again", file=file, key=target, expected=expected
+        )
     if constant is not None and not amperes:
         raise UserError("has a torque constant but no current", file=file, key=target, expected="unit: A or mA")
     if isinstance(constant, int | float) and not isinstance(constant, bool) and constant <= 0:
