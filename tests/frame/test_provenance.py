@@ -4,11 +4,18 @@ import hashlib
 import json
 import shlex
 from importlib import metadata
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from vispeg.api.inputs import read_inputs
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import digest, provenance
+from vispeg.recordings.frames.camera import RecordedCamera
+from vispeg.recordings.frames.frames import Frames, RecordedFrame
+from vispeg.recordings.recording import Control, Recording, Signal
+from vispeg.robots.model import load
 
 FILES = {"recording.yaml": b"format: x\n", "samples.csv": b"time\n0\n", "frames/0.png": b"\x89PNG", "empty": b""}
 
@@ -72,3 +79,35 @@ def test_provenance_repeats_the_command_and_names_versions(tmp_path):
 def test_missing_input_is_the_users_to_put_right(tmp_path):
     with pytest.raises(UserError, match="nowhere.*cannot be read"):
         provenance([], None, [tmp_path / "nowhere"])
+
+
+def changed(array, at):
+    out = array.copy()
+    out.flat[at] += 1
+    return out
+
+
+def test_a_digest_of_a_recording_in_memory_depends_on_all_of_it():
+    """On each reading of a further signal, each pixel and each number of the controller; not on which copy it is."""
+    n = 400
+    time = np.arange(n) / 100.0
+    q = 0.1 * np.sin(time)[:, None] * np.ones(7)
+    eye = RecordedCamera("eye", 64, 48, 60.0, 60.0, 31.5, 23.5, mount="flange", pose=np.eye(4))
+    current, gains, rgb = np.ones((n, 7)), np.full(7, 100.0), np.zeros((48, 64, 3), np.uint8)
+
+    def digest_of(current=current, gains=gains, rgb=rgb):
+        control = Control("position", 100.0, "model", gains, np.full(7, 10.0))
+        frames = Frames({"eye": eye}, (RecordedFrame(0.5, eye, rgb),))
+        rest = {"signals": {"current": Signal(current, "A")}, "frames": frames}
+        rec = Recording(Path("r"), "iiwa14", load("iiwa14").joints, 100.0, control, time, q, q_cmd=q, **rest)
+        (value,) = read_inputs("iiwa14", rec, (), need_validate=False).digests[0].values()
+        return value
+
+    values = [
+        digest_of(),
+        digest_of(current=changed(current, 1400)),
+        digest_of(gains=changed(gains, 3)),
+        digest_of(rgb=changed(rgb, 4600)),
+    ]
+    assert len(set(values)) == 4
+    assert digest_of(current.copy(), gains.copy(), rgb.copy()) == values[0]

@@ -157,14 +157,25 @@ def _path(source: Source) -> Path:
 
 def _digest(source: Source) -> str:
     """Return the SHA-256 of a folder's content, or of a recording in memory."""
-    if not isinstance(source, Recording):
-        return f"sha256:{digest(source)}"
-    made = hashlib.sha256()
-    for field in dataclasses.fields(source):
-        value = getattr(source, field.name)
-        made.update(f"{field.name} {value if not isinstance(value, np.ndarray) else value.shape}\n".encode())
-        made.update(np.ascontiguousarray(value).tobytes() if isinstance(value, np.ndarray) else b"")
-    return f"sha256:{made.hexdigest()}"
+    return f"sha256:{_hash(source).hex() if isinstance(source, Recording) else digest(source)}"
+
+
+def _hash(value: object) -> bytes:
+    """Hash a value by its parts: an array by type, shape and numbers, as NumPy abbreviates the text of a long one."""
+    if isinstance(value, np.ndarray):
+        parts = [repr((value.dtype.str, value.shape)).encode(), np.ascontiguousarray(value).tobytes()]
+    elif dataclasses.is_dataclass(value):
+        parts = [_hash((field.name, getattr(value, field.name))) for field in dataclasses.fields(value)]
+    elif isinstance(value, Mapping):
+        parts = [_hash(item) for item in value.items()]
+    elif isinstance(value, list | tuple):
+        parts = [_hash(item) for item in value]
+    else:
+        parts = [repr(value).encode()]
+    made = hashlib.sha256(f"{type(value).__name__} {[*map(len, parts)]}".encode())
+    for part in parts:
+        made.update(part)
+    return made.digest()
 
 
 def _read(
