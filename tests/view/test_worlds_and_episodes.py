@@ -9,10 +9,12 @@ import pytest
 
 import vispeg
 from vispeg.core.errors import UserError
+from vispeg.datasets.read import Dataset
 from vispeg.evaluation.entrants import entrant
 from vispeg.evaluation.players import player
 from vispeg.task.environments.vector import TaskVec
 from vispeg.task.world_file import load_world
+from vispeg.view import html
 from vispeg.view.episode import Episodes
 from vispeg.view.world_draw import Draws, in_words, ranges
 
@@ -111,6 +113,26 @@ def test_a_draw_shows_what_the_cameras_of_that_episode_see():
     assert {key for key in obs if key.startswith(("rgb", "depth"))} == set(drawn.pictures) - {"from outside"}
     assert all(picture.dtype == np.uint8 and picture.ndim == 3 for picture in drawn.pictures.values())
     env.close()
+
+
+def test_the_page_draws_the_first_episode_of_its_command(place, tmp_path):
+    from vispeg.view.world_page import WorldPage
+
+    page = WorldPage(place, "searching")
+    try:
+        page.seed.value = 3
+        page.open()
+        until(lambda: page.drawn.content and not page.job.busy)
+        ((_, command, *words),) = said(page.commands)
+        given = dict(zip(words[::2], words[1::2], strict=True))
+        assert command == "render"
+        vispeg.render_dataset(tmp_path / "d", given["--world"], frames=1, seed=int(given["--seed"]), workers=0)
+        (episode,) = Dataset(tmp_path / "d").episodes
+        values = [in_words(label, some) for label, some in episode["vispeg/world"].items()]
+        both = [re.findall("<p>.*?</p>", content) for content in (page.drawn.content, html.drawn(values))]
+        assert values and sorted(both[0]) == sorted(both[1])
+    finally:
+        page.close()
 
 
 def test_what_was_drawn_is_told_in_the_words_and_units_of_the_sliders():

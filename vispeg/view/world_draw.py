@@ -75,7 +75,7 @@ class Draws:
         Raises:
             UserError: no such world, or an impossible one.
         """
-        self.tell("say", f"drawing seed {seed}")
+        self.tell("say", "drawing")
         with TemporaryDirectory() as folder:
             if moved:
                 world = str(write_text_atomic(Path(folder) / "world.yaml", changed_text(world, "drawn", moved)))

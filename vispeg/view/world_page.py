@@ -7,6 +7,7 @@ from typing import Any
 
 from vispeg.api.library.catalogue import worlds
 from vispeg.core.provenance import command_line
+from vispeg.datasets.shards.plan import Plan
 from vispeg.report.text import effect_words
 from vispeg.view import html
 from vispeg.view.choice import Choice
@@ -18,6 +19,7 @@ from vispeg.view.world_draw import Drawn, Draws, Range
 
 NEXT = "Draw other seeds, or move the ends of a range: the cell is drawn again. Then keep the world as a file."
 STEPS = 200  # number of steps of a slider
+FRAMES = 8  # number of frames that the command renders
 
 
 class WorldPage(Page):
@@ -75,13 +77,14 @@ class WorldPage(Page):
         self.draw()
 
     def draw(self) -> None:
-        """Draw the world with the sliders' ranges; if another is being drawn, do it afterwards."""
+        """Draw the first episode of the command; if another is being drawn, do it afterwards."""
         self._commands()
         if self.job.worker is not None and self.job.worker.busy:
             self.again = True
             return
         self.again = False
-        self.job.ask("draw", self.opened, int(self.seed.value), self._moved())
+        command = Plan(self.opened, "", FRAMES, seed=int(self.seed.value))
+        self.job.ask("draw", self.opened, command.episode_seed(0, 0), self._moved())
 
     def receive(self, name: str, value: Any) -> None:
         """Handle a message (name, value) from the worker."""
@@ -194,5 +197,5 @@ class WorldPage(Page):
             return
         world = str(self._target()) if moved else self.opened
         out = str(self.place.out / "frames")
-        words = ["render", "--world", world, "--frames", "8", "--seed", str(int(self.seed.value)), "--out", out]
+        words = ["render", "--world", world, "--frames", str(FRAMES), "--seed", str(int(self.seed.value)), "--out", out]
         self.commands.content = html.commands([command_line(["vispeg", *words])])
