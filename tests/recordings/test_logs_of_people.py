@@ -320,6 +320,20 @@ def test_arrays_and_folders_are_tables_too(name, tmp_path, arm):
     assert rec.rate_hz == RATE and (len(np.unique(rec.episode)) == 2 if name == "demos.hdf5" else rec.episode is None)
 
 
+def test_a_gap_in_one_file_of_a_folder_stays_a_gap(tmp_path):
+    """As in a bag, whose topics are brought onto one clock by the same rule."""
+    folder = signals(tmp_path / "signals")
+    file = folder / "arm_effort.csv"
+    whole = read_table(folder).columns["arm_effort/lift_joint"]
+    head, *rows = file.read_text().splitlines()
+    there = [row for row in rows if not 3.0 <= float(row.partition(",")[0]) <= 7.0]
+    file.write_text("\n".join([head, *there]))
+    effort = read_table(folder).columns["arm_effort/lift_joint"]
+    inside = (TIME > 2.985) & (TIME < 7.003)  # between the readings at 2.984 and 7.004 s
+    assert np.isnan(effort[inside]).all()
+    np.testing.assert_array_equal(effort[~inside], whole[~inside])
+
+
 def test_a_file_of_a_folder_without_samples_is_named(tmp_path, arm):
     folder = signals(tmp_path / "signals")
     head = (folder / "arm_effort.csv").read_text().splitlines()[0]

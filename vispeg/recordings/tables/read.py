@@ -11,6 +11,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.formats.guard import refuse_special
+from vispeg.recordings.importers.clock import linear
 from vispeg.recordings.tables.stores import EPISODES, READERS, read_store
 from vispeg.recordings.tables.table import MAX_BYTES, Reading, Table, check_rows
 from vispeg.recordings.tables.table_csv import read_csv
@@ -108,8 +109,8 @@ def _episodes(tables: Sequence[Table]) -> dict[str, np.ndarray]:
 def _joined(folder: Path, tables: Sequence[Table]) -> dict[str, np.ndarray]:
     """Join the tables of one run on the times of the first one named position or angle, else of the longest.
 
-    Measured values are interpolated linearly, commands are held until the next. Column names get the file's name as a
-    prefix.
+    Measured values are interpolated linearly, except across gaps; commands are held until the next. Column names get
+    the file's name as a prefix.
 
     Raises:
         UserError: a table without samples or without a time, or times that do not overlap.
@@ -138,5 +139,5 @@ def _joined(folder: Path, tables: Sequence[Table]) -> dict[str, np.ndarray]:
                     last = np.searchsorted(at, time, side="right") - 1
                     out[key] = np.where(last >= 0, values[once][np.maximum(last, 0)], np.nan)
                 else:
-                    out[key] = np.interp(time, at, values[once], np.nan, np.nan)
+                    out[key] = linear(time, at, values[once, None])[:, 0]
     return out
