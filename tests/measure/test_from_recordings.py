@@ -102,6 +102,13 @@ def test_a_tool_at_rest_weighs_the_same_in_every_sensor_s_axes(sensor, tmp_path)
     assert found(carried(sensor), tmp_path) == (TRUTH, POSTURES, ())
 
 
+def test_a_tool_at_rest_weighs_the_same_where_poses_come_less_often_than_wrenches(tmp_path):
+    """Poses at 20 Hz, wrenches at 100 Hz."""
+    rec = carried()
+    seen = np.arange(len(rec.time))[:, None] % 5 == 0
+    assert found(replace(rec, ee=np.where(seen, flange_pose(ARM, rec.q), np.nan)), tmp_path) == (TRUTH, POSTURES, ())
+
+
 def test_a_wrench_whose_weight_the_robot_subtracts_weighs_nothing_and_is_refused(tmp_path):
     with pytest.raises(UserError, match="wrench.tared: the robot has subtracted the tool's weight"):
         found(carried(WrenchSensor(tared="weight")), tmp_path)

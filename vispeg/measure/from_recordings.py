@@ -6,6 +6,7 @@ A slide or a press begins with a second in free air, whose mean wrench is the se
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -121,8 +122,9 @@ def presses(stop: Sequence[Path], fixture: Sequence[Path]) -> Readings:
 def _opened(path: Path) -> tuple[Recording, np.ndarray, np.ndarray, Rotation]:
     """Load a recording; also return its wrench (n, 6), and the flange's positions (n, 3) m and n rotations in the base.
 
-    The wrench is that of the flange on the tool, about the flange's origin, flange axes. The pose is measured, and rows
-    without it are left out; or, if `ee` was not recorded, it is from the robot's kinematics and angles without gaps.
+    The wrench is that of the flange on the tool, about the flange's origin, flange axes. The pose is measured, rows
+    without it are left out, and the sample rate is that of the others; or, if `ee` was not recorded, it is from the
+    robot's kinematics and angles without gaps.
     """
     rec = load(path)
     check_units(rec)
@@ -131,6 +133,8 @@ def _opened(path: Path) -> tuple[Recording, np.ndarray, np.ndarray, Rotation]:
     ft = rec.ft
     if rec.ee is not None and (known := np.isfinite(rec.ee).all(axis=1)).any():
         rec, ft, pose = rec.some(known), ft[known], rec.ee[known]
+        steps = np.diff(rec.time)
+        rec = replace(rec, rate_hz=1.0 / float(np.median(steps[steps > 0]))) if (steps > 0).any() else rec
     else:
         rec, robot = with_robot(rec)
         pose = flange_pose(robot, bridged(rec.time, rec.q, rec.episode))
