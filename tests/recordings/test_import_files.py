@@ -21,6 +21,7 @@ from vispeg.recordings.importers.guess.source import guess
 from vispeg.recordings.importers.mapping import ColumnMap, map_from, read_map
 from vispeg.recordings.importers.npz import import_npz
 from vispeg.recordings.importers.plausible import doubts
+from vispeg.recordings.importers.source import read_source
 from vispeg.recordings.importers.table import import_table
 from vispeg.recordings.load import load
 from vispeg.recordings.write import write
@@ -86,6 +87,18 @@ def test_an_archive(tmp_path):
     (tmp_path / "map.yaml").write_text("time: {column: t, unit: ms}\nq: {column: positions, unit: deg}\n")
     back = import_npz(tmp_path / "other.npz", "iiwa14", JOINTS, read_map(tmp_path / "map.yaml", JOINTS))
     assert np.allclose(back.q, rec.q, atol=1e-13) and np.allclose(back.time, rec.time, atol=1e-13)
+
+
+def test_a_map_of_an_archives_time_alone_leaves_the_others_their_names(tmp_path):
+    """As one that states them by these names. Arrays named as columns are a table's still."""
+    rec = recording(80)
+    np.savez(tmp_path / "run.npz", t=1e3 * rec.time, q=rec.q, tau=rec.tau)
+    np.savez(tmp_path / "table.npz", t=1e3 * rec.time, **{f"q.{name}": rec.q[:, j] for j, name in enumerate(JOINTS)})
+    said = {"time": {"column": "t", "unit": "ms"}}
+    for name, more in (("run", {"q": "q"}), ("run", {}), ("table", {})):
+        back = read_source(tmp_path / f"{name}.npz", "iiwa14", JOINTS, map_from(said | more, tmp_path, JOINTS))
+        assert np.array_equal(back.q, rec.q) and np.allclose(back.time, rec.time, atol=1e-13)
+        assert name == "table" or np.array_equal(back.tau, rec.tau)
 
 
 def test_the_parts_of_an_array_add_up(tmp_path):

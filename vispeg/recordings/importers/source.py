@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
+from vispeg.formats.arrays import read_arrays
 from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.columns import SIGNALS
 from vispeg.recordings.frames.camera import RecordedCamera
@@ -16,6 +17,7 @@ from vispeg.recordings.importers.rosbag import Topics
 from vispeg.recordings.importers.turns import turned
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.tables.read import STORES, TABLES, parts
+from vispeg.recordings.tables.table import MAX_BYTES
 
 BAGS = (".bag", ".db3", ".mcap")
 INSTEAD = {  # unsupported formats, and how to get a table from them
@@ -100,8 +102,7 @@ def _read(
     for field in fields(topics):
         if field.name in FLAGS and getattr(topics, field.name) is not None:
             raise UserError(f"{FLAGS[field.name]} is for bags", file=source)
-    whole = any(target in SIGNALS for target in mapping.columns) or not mapping.columns
-    if source.name.lower().endswith(".npz") and whole:  # arrays named as in a recording, or mapped as a whole
+    if source.name.lower().endswith(".npz") and _is_whole(source, mapping):
         if topics.images:
             raise UserError("--images is for bags and LeRobot tables", file=source)
         from vispeg.recordings.importers.npz import import_npz
@@ -123,3 +124,10 @@ def _read(
         raise UserError("cannot be converted", file=source, got=kind, expected=INSTEAD[kind])
     choices = (*TABLES, *STORES, *BAGS, "a folder of these", "a ROS 2 bag's folder")
     raise UserError("cannot be converted", file=source, got=kind or source.name, choices=choices)
+
+
+def _is_whole(source: Path, mapping: ColumnMap) -> bool:
+    """Return whether an archive's arrays are signals of all joints, by the map or by the recording's own names."""
+    if any(target in SIGNALS for target in mapping.columns) or not mapping.columns:
+        return True
+    return not any("." in target for target in mapping.columns) and "q" in read_arrays(source, most=MAX_BYTES)
