@@ -109,6 +109,12 @@ def test_the_slope_of_readings_is_their_velocity_to_what_steps_of_an_encoder_lea
     assert Slope(0.06).add(0.0, np.ones(2)).tolist() == [0, 0]
 
 
+def test_readings_further_apart_than_the_window_have_a_slope_too():
+    slope = Slope(0.06)
+    seen = [slope.add(0.1 * k, np.array([0.2 * k])) for k in range(5)]  # 10 Hz, 2 rad/s
+    np.testing.assert_allclose(seen[1:], np.full((4, 1), 2.0), atol=1e-9)
+
+
 JOINTS = ("a", "b", "c")
 STATE = ["grip.pos", "b.pos", "left.pos", "c.pos", "temperature"]
 WIRING = Wiring(

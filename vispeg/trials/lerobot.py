@@ -194,9 +194,9 @@ class Slope:
         self.window, self._past = window, deque[tuple[float, np.ndarray]]()
 
     def add(self, time: float, q: np.ndarray) -> np.ndarray:
-        """Add angles (nj,) rad at a time, s; return the velocities, rad/s."""
+        """Add angles (nj,) rad at a time, s; return the velocities, rad/s, from at least the last two."""
         self._past.append((time, q))
-        while time - self._past[0][0] > self.window + 1e-9:
+        while len(self._past) > 2 and time - self._past[0][0] > self.window + 1e-9:
             self._past.popleft()
         if len(self._past) < 2:
             return np.zeros_like(q)
