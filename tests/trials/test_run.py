@@ -145,6 +145,48 @@ def test_a_key_stops_and_what_was_done_is_kept(robot):
     assert trial.said.outcome.category == "stopped" and len(trial.steps.time) == 4
 
 
+def test_the_robots_time_is_the_policys(robot):
+    """A policy that waits 6.8 s after the rest and then succeeds within its 8 s has succeeded."""
+
+    class Waiting(Scripted):
+        left = 0
+
+        def act(self, obs):
+            self.left -= 1
+            return np.zeros((1, 3)) if self.left >= 0 else super().act(obs)
+
+    config, policy = robot.robot.config, Waiting(robot.robot.config)
+    alone = ran(robot).said.outcome.time_s
+    policy.left = int((config.steps * config.policy_period - alone) / config.policy_period) - 2
+    outcome = ran(robot, policy=policy, rest=1.2).said.outcome
+    assert outcome.time_s + 1.2 > config.steps * config.policy_period, "beyond the limit if it ran from the rest"
+    assert outcome.success and outcome.category == "success"
+
+
+def test_a_trial_states_the_belief_that_the_policy_was_told(robot):
+    told = tuple(np.array(meaning(robot.robot).goal.nominal_m) + [0.01, 0.0, 0.0])
+    trial = ran(robot, How(goal=told), steps=2)
+    assert trial.said.start.believed_m == pytest.approx(told)
+
+
+@pytest.mark.parametrize("acts_on", ["flange", "tool"])
+def test_joints_of_another_arm_are_named_whatever_its_sensor(robot, acts_on):
+    from vispeg.recordings.cell import WrenchSensor
+
+    class Six(Lockstep):
+        def connect(self, interface, seed):
+            return replace(super().connect(interface, seed), wrench=WrenchSensor(acts_on=acts_on))
+
+        def read(self, cameras=()):
+            reading = super().read(cameras)
+            return replace(reading, q=reading.q[:6], dq=reading.dq[:6])
+
+    six = Six.__new__(Six)
+    six.__dict__.update(robot.__dict__)
+    with pytest.raises(UserError, match="joints of another arm"):
+        ran(six)
+
+
 def test_late_commands_are_counted(robot):
     class Slow(Scripted):
         def act(self, obs):

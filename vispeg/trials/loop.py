@@ -248,6 +248,7 @@ class _Loop:
             reading = self.robot.read(self.cameras if acts else ())
             beat()
             self.reads += 1
+            self._check(reading)
             wrench = self._wrench(reading)
             if self.first is None or (acts and steps == 0):
                 self._begin(reading)
@@ -287,12 +288,14 @@ class _Loop:
                 begin += now - due
             tick = max(tick + 1, int((now - begin) / period + 1e-6))
 
-    def _begin(self, reading: Reading) -> None:
+    def _check(self, reading: Reading) -> None:
         i = self.interface
         nj, got = len(i.arm.joints), (np.shape(reading.q), np.shape(reading.dq))
         if got != ((nj,), (nj,)):
             expected = f"{nj} angles and velocities, as {i.arm.robot} has"
             raise UserError("joints of another arm", key="--robot", expected=expected, got=got)
+
+    def _begin(self, reading: Reading) -> None:
         self.first = reading
         self.builder.begin(reading.q, reading.dq, self.goal)
         self.target = np.concatenate([self.builder.observer.goal[0], self.builder.observer.rot[0]])
@@ -357,7 +360,7 @@ class _Loop:
             "timeout",
         ):  # the robot's verdict counts unless a limit ended the episode
             outcome |= {**told, "by": "robot"}
-        start = {"believed_m": self.builder.observer.believed[0].tolist(), **dict(self.connected.start)}
+        start = {**self.connected.start, "believed_m": self.builder.observer.believed[0].tolist()}
         start |= {"q_rad": np.asarray(self.first.q, float).tolist()}
         timing = TimingPart(
             period_s=i.policy_period_s,
