@@ -12,10 +12,13 @@ from test_run import SEED, ran
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.evaluation.measured import read_measured
+from vispeg.evaluation.replay import Begun, Replays
+from vispeg.learn.evaluation import run_episodes
 from vispeg.recordings.load import load
 from vispeg.task.environments.vector import TaskVec
+from vispeg.task.scripted import Scripted
 from vispeg.trials.loop import REST
-from vispeg.trials.trial import FILE, folders, read_said, read_trial, write_trial
+from vispeg.trials.trial import FILE, PolicyPart, folders, read_said, read_trial, write_trial
 from vispeg.trials.trial import _example as example
 
 
@@ -54,6 +57,22 @@ def test_pictures_that_a_policy_saw_are_the_frames_of_its_recording(tmp_path):
     wide = frames.of("wrist_wide")
     np.testing.assert_allclose(wide.times, trial.steps.time)
     assert wide[0].depth.shape == (48, 48) and 0.05 < np.median(wide[0].depth) < 0.5
+
+
+def test_a_replay_whose_goal_nobody_measured_has_it_where_its_policy_was_told(tmp_path):
+    """A real robot's trials state the belief alone; the goal of another place would be missed by every replay."""
+    said, seeds = read_said(example(tmp_path)), range(1_000_000, 1_000_008)
+    env = TaskVec(len(seeds), "S", autoreset_mode="Disabled", privileged=True)
+    nominal = env.sim.nominal_goal.tolist()
+    start = said.start.model_copy(update={"goal_m": None, "believed_m": nominal, "q_rad": env.sim.home[0].tolist()})
+    real = said.model_copy(update={"start": start, "policy": PolicyPart(name="a", modality="state")})
+    expert = Scripted(env.config)
+    begun = Begun(env, Replays({s: real.again() for s in seeds}))
+    assert sum(e.success for e in run_episodes(expert, begun, list(seeds))) >= len(seeds) / 2
+    unseen = real.model_copy(update={"policy": PolicyPart(name="a", modality="depth")})
+    assert unseen.again().goal is None, "of a policy that must find the goal, the world draws it"
+    measured = real.model_copy(update={"start": start.model_copy(update={"goal_m": [0.61, 0.0, 0.05]})})
+    assert measured.again().goal.tolist() == [0.61, 0.0, 0.05]
 
 
 def test_trials_are_a_robots_outcomes_for_gap(kept, tmp_path):

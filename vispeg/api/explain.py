@@ -196,7 +196,7 @@ def explain(
             rmtree(place / "replays", ignore_errors=True)
         at = _digest(read)
         seeds = [why.seeds_of(i, replays, seed) for i in range(len(read))]
-        starts = {s: replace(t.said.begin(), effects=None) for t, some in zip(read, seeds, strict=True) for s in some}
+        starts = {s: t.said.again() for t, some in zip(read, seeds, strict=True) for s in some}
         actions = {s: t.steps.action for t, some in zip(read, seeds, strict=True) for s in some}
         kinds = {CLOSED: (), OPEN: (), **causes}
         jobs: dict[str, list[Job]] = {}

@@ -20,6 +20,7 @@ from vispeg.recordings.load import load
 from vispeg.recordings.recording import Control, Recording
 from vispeg.recordings.tables.read import read_table
 from vispeg.recordings.write import fill, write_csv
+from vispeg.render.image_kinds import GOAL_TOLD
 
 if TYPE_CHECKING:
     from vispeg.task.start import Start
@@ -130,6 +131,20 @@ class Said(_Part):
             effects = tuple(read_placed(e, Path(FILE), f"start.effects[{i}]") for i, e in enumerate(s.effects))
         goal, believed = (None if v is None else np.array(v) for v in (s.goal_m, s.believed_m))
         return Start(np.array(s.q_rad), goal, believed, effects)
+
+    def again(self) -> Start:
+        """Return the start for a replay in another world: its seed draws the effects.
+
+        A goal that nobody measured is where a policy that is told the goal believed it to be; else the seed draws it.
+
+        Raises:
+            UserError: unknown effect or modality.
+        """
+        from vispeg.learn.modalities import modality
+
+        begun, name = replace(self.begin(), effects=None), self.policy.modality
+        told = name != "" and modality(name).obs_mode in GOAL_TOLD
+        return replace(begun, goal=begun.believed) if told and begun.goal is None else begun
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -125,7 +125,7 @@ def finetune(
 def failed_starts(trials: Path) -> tuple[Start, ...]:
     """Return the starts of failed trials without their effects, which are drawn anew. Raises UserError: none failed."""
     said = read_trials(trials)
-    starts = tuple(replace(s.begin(), effects=None) for s in said if not s.outcome.success)
+    starts = tuple(s.again() for s in said if not s.outcome.success)
     if not starts:
         raise UserError("no trial failed", file=trials, key="--starts", got=f"{len(said)} that succeeded")
     return starts
