@@ -11,6 +11,7 @@ from vispeg.api.explain import UNTRIED, explain
 from vispeg.api.learning.finetune import failed_starts
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
+from vispeg.evaluation.explain import _followed
 from vispeg.evaluation.senses import HELD, TOUCH, before_contact
 from vispeg.evaluation.statistics import CANNOT_TELL
 from vispeg.robots.scene import build
@@ -131,6 +132,26 @@ def test_what_is_compared_ends_where_the_force_stays_off_that_of_the_start(cell)
     touched = replace(recording, ft=ft)
     assert before_contact(touched) == 200 and HELD > 1
     assert before_contact(replace(recording, ft=None)) == n
+
+
+@pytest.mark.parametrize("late", [0.0, 0.05])
+def test_the_same_motion_is_followed_whatever_the_rate_and_the_gaps_of_the_readings(cell, late):
+    """A robot's stale readings are dropped, and a slow driver reads less often than the simulation."""
+    trial = read_trial(folders(cell / "trials")[0])
+
+    def moved(time, late=0.0):
+        q = 0.3 * np.sin(2 * (time - late))[:, None] * np.ones(7)
+        rec = replace(trial.recording, time=time, q=q, ft=None, rate_hz=200.0)
+        return replace(trial, recording=rec, steps=replace(trial.steps, time=np.array([0.4, 0.5])))
+
+    full = np.arange(1600) / 200
+    gaps = full[np.sort(np.random.default_rng(0).permutation(1600)[:1520])]
+    off = 0.3 * (np.sin(2 * (full[80:] - late)) - np.sin(2 * full[80:]))  # rad, from the first step on
+    expected = np.rad2deg(np.sqrt(np.mean(off**2))) * np.ones(7)
+    for time in (full, gaps, np.arange(240) / 30):
+        degrees, behind = _followed(moved(time, late), moved(full))
+        np.testing.assert_allclose(degrees, expected, atol=0.02)
+        assert behind == pytest.approx(late, abs=0.0051)
 
 
 def test_replays_are_needed(cell, tmp_path):

@@ -284,17 +284,17 @@ def _rule(rule: str, value: float, limit: float, unit: str, points_to: str) -> R
 def _followed(trial: Trial, replay: Trial) -> tuple[np.ndarray, float] | None:
     """Return the joints' RMS distance (nj,) deg between trial and replay, and the delay of the robot that fits best, s.
 
-    Only samples before either of them makes contact count. None where these are too few.
+    Both are read at the replay's rate from the first step until either of them makes contact, as a robot's readings may
+    be fewer. None where this is too short.
     """
-    sides = []
-    for t in (trial, replay):
-        rec, start = t.recording, int(np.searchsorted(t.recording.time, t.steps.time[0] - 1e-9))
-        sides.append(rec.q[start : before_contact(rec)])
-    n = min(map(len, sides))
+    sides, rate = [(t.recording, t.steps.time[0]) for t in (trial, replay)], replay.recording.rate_hz
+    n = 1 + int(rate * min(rec.time[max(before_contact(rec), 1) - 1] - begun for rec, begun in sides) + 1e-6)
     if n < 2 * DELAYS[-1]:
         return None
-    real, simulated = (q[:n] for q in sides)
+    real, simulated = (
+        np.stack([np.interp(begun + np.arange(n) / rate, rec.time, q) for q in rec.q.T], axis=1) for rec, begun in sides
+    )
     speed = [np.diff(q, axis=0) for q in (real, simulated)]
     left = [float(np.nanmean((speed[0][k:] - speed[1][: n - 1 - k]) ** 2)) for k in DELAYS]
-    late = float(DELAYS[int(np.argmin(left))]) / trial.recording.rate_hz
+    late = float(DELAYS[int(np.argmin(left))]) / rate
     return np.rad2deg(np.sqrt(np.nanmean((real - simulated) ** 2, axis=0))), late
