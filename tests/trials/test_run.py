@@ -146,7 +146,7 @@ def test_a_key_stops_and_what_was_done_is_kept(robot):
 
 
 def test_the_robots_time_is_the_policys(robot):
-    """A policy that waits 6.8 s after the rest and then succeeds within its 8 s has succeeded."""
+    """A policy that waits after the rest and then succeeds within its 8 s has succeeded."""
 
     class Waiting(Scripted):
         left = 0
