@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vispeg.api.inputs import read_model
+from vispeg.api.inputs import read_inputs, read_model
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.recordings.cell import OPEN_CELL, CellBelief
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.declared import declared
+from vispeg.robots.model import load as load_robot
 from vispeg.task.belief import believed, cell_of
 from vispeg.task.peg.config import PegConfig
 from vispeg.worlds.model_file import load_model, model_text
@@ -97,3 +98,13 @@ def test_a_model_file_of_a_cell_comes_back(tmp_path):
     (tmp_path / "model.yaml").write_text(text.replace("cell: peg-cell\n", ""))
     with pytest.raises(UserError, match="effects"):
         read_model(str(tmp_path / "model.yaml"))
+
+
+@pytest.mark.parametrize("model", ["nominal", "peg-cell"])
+def test_joints_are_read_in_the_robot_s_order_in_every_cell(model):
+    names = load_robot("iiwa14").joints
+    time = np.arange(200) / 100
+    q = 0.1 * np.arange(1, 8) * np.sin(3 * time)[:, None]
+    rec = Recording(Path("r"), "iiwa14", names[::-1], 100.0, Control("gravity_comp", 100.0, "model"), time, q[:, ::-1])
+    (found,) = read_inputs(model, rec, (), need_validate=False, seconds=0.0).fitted
+    assert found.joints == names and np.array_equal(found.q, q)

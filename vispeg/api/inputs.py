@@ -290,7 +290,7 @@ def _of_robot(rec: Recording, world: World, path: Path) -> Recording:
     If the model leaves the cell to the recordings, each keeps its own robot.
     """
     if world.cell is not None and world.cell.open:
-        return replace(rec, cell=cell_of(world, rec) or rec.cell)
+        return _placed(rec, world, load_robot(rec.robot))
     is_file = Path(world.robot).suffix != ""
     if not is_file and Path(rec.robot).suffix == "" and rec.robot != world.robot:
         raise UserError(
@@ -300,9 +300,13 @@ def _of_robot(rec: Recording, world: World, path: Path) -> Recording:
             expected=world.robot,
             got=rec.robot,
         )
-    rec = in_order(rec, load_robot(world.robot).joints)
-    rec = replace(rec, robot=world.robot, cell=cell_of(world, rec) or rec.cell)
-    return rec if rec.frames is None else replace(rec, frames=posed(rec.frames, load_robot(world.robot)))
+    return _placed(replace(rec, robot=world.robot), world, load_robot(world.robot))
+
+
+def _placed(rec: Recording, world: World, robot: RobotModel) -> Recording:
+    """Return the recording in the model's cell, with joints in the robot's order and cameras posed by its file."""
+    rec = replace(in_order(rec, robot.joints), cell=cell_of(world, rec) or rec.cell)
+    return rec if rec.frames is None else replace(rec, frames=posed(rec.frames, robot))
 
 
 def _of_recordings(world: World, recordings: Sequence[Recording]) -> World:
