@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import fits
 import numpy as np
@@ -11,11 +12,12 @@ from pressed import recorded
 
 from vispeg.contact.errors.nuisance import Nuisance
 from vispeg.contact.next_motion import separating
+from vispeg.contact.picture import worst_moment
 from vispeg.contact.record import arrays, not_excited, shows_from, where_it_fails, worst_left
 from vispeg.contact.run import compare_contact, evidence_of
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.findings import Gain, Rivals, Score, Trial
-from vispeg.recordings.cell import WrenchSensor
+from vispeg.recordings.cell import CellBelief, WrenchSensor
 from vispeg.worlds.world import World
 
 FIXTURE = EffectInstance.of("fixture_compliance", "fixture", z=3e-5)
@@ -154,3 +156,15 @@ def test_what_was_not_excited_is_asked_for_by_a_motion_that_is_not_recorded():
     asked = [not_excited(silent, recorded) for recorded in ((), ("insert",), ("insert", "rock"))]
     assert [[u["motion"] for u in rows] for rows in asked] == [["insert"], ["rock"], ["insert"]]
     assert effect("hole_clearance").shown_by == ("insert", "rock")
+
+
+def test_the_picture_shows_the_cell_of_the_recording_that_it_names():
+    """`rig-10` begins as `rig-1` does, whose cell is another."""
+    near, far = (replace(recorded(), cell=CellBelief("nominal", {"fixture": [x, 0.0, 0.05]})) for x in (0.5, 0.62))
+    first, tenth = replace(near, path=Path("rig-1")), replace(far, path=Path("rig-10"))
+    worst = {"worst/recording": np.array("rig-10"), "worst/q": first.q[0]}
+    shown = [worst_moment(worst, some) for some in ((first, tenth), (tenth, first), (tenth,), (first,))]
+    if not shown[0]:
+        pytest.skip("no renderer works here")
+    pictures = [some["worst/png"].tobytes() for some in shown]
+    assert pictures[0] == pictures[1] == pictures[2] != pictures[3]

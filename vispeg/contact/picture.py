@@ -42,7 +42,8 @@ def draw(scene: Scene, q: np.ndarray, backend: BackendName = "auto") -> bytes:
 
 def worst_moment(arrays: Mapping[str, np.ndarray], recordings: Sequence[Recording]) -> dict[str, np.ndarray]:
     """Return a picture of the moment in `worst/q` as entry of `evidence.npz`; empty if no renderer works."""
-    rec = next((r for r in recordings if str(arrays["worst/recording"]).startswith(r.name)), recordings[0])
+    named = [r for r in recordings if str(arrays["worst/recording"]).startswith(r.name)]  # `rig-1`, too, for rig-10
+    rec = max(named, key=lambda r: len(r.name), default=recordings[0])
     try:
         png = draw(recorded_cell(rec).scene, np.nan_to_num(arrays["worst/q"]))
     except UserError:  # no renderer here: the page has no picture
