@@ -110,6 +110,15 @@ def test_a_border_is_smeared_by_its_own_speed_and_one_at_rest_is_not():
     assert at_rest.sum() > 100
 
 
+def test_the_shutter_of_another_camera_smears_nothing():
+    own, other = (EffectInstance.of("motion_blur", name, length=0.0, exposure=0.02) for name in (WRIST, "scene"))
+    figures = measured("light").items[0].figures
+    plain, beside, open_ = (figures.modelled(LIT.add(*some)) for some in ((), (other,), (own,)))
+    assert np.array_equal(plain, beside, equal_nan=True)
+    assert not np.array_equal(plain, open_, equal_nan=True)
+    assert np.array_equal(figures.modelled(LIT.add(own, other)), open_, equal_nan=True)
+
+
 def test_a_hand_whose_borders_are_softer_than_the_room_s_is_no_open_shutter():
     """The camera carries its hand: all that tells its borders from the room's is not their speed alone."""
     sight, some = fast_shots()

@@ -20,6 +20,7 @@ from vispeg.identify.pictures.links import Links, links_of
 from vispeg.identify.pictures.shots import SEED, Shot
 from vispeg.vision.blur import softness
 from vispeg.vision.depth import depth_residual
+from vispeg.vision.eye import values_of
 from vispeg.vision.predict import TO_LINEAR, through_sensor
 from vispeg.vision.search import search
 from vispeg.worlds.world import World
@@ -66,9 +67,13 @@ class LightFigures:
 
     def modelled(self, world: World) -> np.ndarray:
         """Return the figures of the predicted pictures after a world's effects on light."""
-        still, seconds = _at_rest(world)
+        still = _at_rest(world)
         pictures = [s.sensed(still, _of_light)[0] for s in self.shots]
-        return self._figures(pictures, self._noisy(world), seconds)
+        return self._figures(pictures, self._noisy(world), self._open_for(world))
+
+    def _open_for(self, world: World) -> float:
+        """Return the exposure time of the camera, s."""
+        return values_of(world, MOTION, self.shots[0].rendering.eye.believed.name).get("exposure", 0.0)
 
     def _noisy(self, world: World) -> Sequence[np.ndarray]:
         """Return the measured pictures, smoothed, with a world's noise instead of their own."""
@@ -123,11 +128,10 @@ def _gains(picture: np.ndarray, shot: Shot) -> np.ndarray:
     return np.median(out, 0) if out else np.full(3, np.nan)
 
 
-def _at_rest(world: World) -> tuple[World, float]:
-    """Return the world without motion blur, and its exposure time in s; blur is then added by each border's speed."""
-    open_for = sum(e.params["exposure"].value for e in world.effects if e.effect == MOTION)
+def _at_rest(world: World) -> World:
+    """Return the world without motion blur, which is added by each border's speed."""
     effects = (e.with_values(exposure=0.0) if e.effect == MOTION else e for e in world.effects)
-    return replace(world, effects=tuple(effects)), open_for
+    return replace(world, effects=tuple(effects))
 
 
 def _softness(picture: np.ndarray, shot: Shot, seconds: float) -> np.ndarray:
