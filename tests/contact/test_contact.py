@@ -214,6 +214,20 @@ def test_noise_beyond_what_is_stated_is_heard_at_rest_and_named():
     assert not excess_noise(World().add(placed), *loud), "the model has it"
 
 
+@pytest.mark.parametrize("pos", [(0.0, 0.0, 0.08), (0.1, 0.0, 0.0), (0.03, -0.05, 0.12)])
+def test_noise_as_stated_of_a_sensor_off_the_flange_is_no_excess(pos):
+    """The same wrench about the sensor's point, read with white noise as stated there."""
+    rec, rng = recorded(), stream(5, "off the flange")
+    about = np.concatenate([rec.ft[:, :3], rec.ft[:, 3:] - np.cross(pos, rec.ft[:, :3])], axis=1)
+    sigma = np.repeat([0.5, 0.025], 3)
+    noise = {**rec.noise, "ft": np.hypot(0.1, 0.5), "ft_torque": np.hypot(0.005, 0.025)}
+    halves = [
+        evidence_of([replace(rec, ft=ft, noise=noise, wrench=WrenchSensor(pos=pos))]).items
+        for ft in about + sigma * rng.standard_normal((2, *about.shape))
+    ]
+    assert excess_noise(World(), *halves) == ()
+
+
 def test_what_sticks_is_told_a_least_friction_and_no_greatest():
     """Peg and fixture stick from a scale of about 1.3 on: more friction changes nothing, no derivative says so."""
     evidence = evidence_of([recorded((FRICTION,))])

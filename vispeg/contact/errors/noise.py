@@ -11,7 +11,7 @@ from vispeg.contact.inputs import ContactItem
 from vispeg.core.effect import EffectInstance
 from vispeg.core.params import Value
 from vispeg.core.rules import RULES
-from vispeg.recordings.cell import wrench_noise
+from vispeg.recordings.cell import WrenchSensor, wrench_noise
 from vispeg.recordings.noise import highpass_sigma
 from vispeg.worlds.world import World
 
@@ -30,9 +30,9 @@ def noise_at_rest(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
 def noise(item: ContactItem) -> np.ndarray:
     """Return the noise (6,) N, N m: as stated, or as measured if that is clearly larger or none is stated."""
     level, error = noise_at_rest(item)
-    stated = wrench_noise(item.recording.noise)
-    if stated is None:
+    if wrench_noise(item.recording.noise) is None:
         return level
+    stated = _stated(item)
     return np.where(_excess([item])[0], np.maximum(level, stated), stated)
 
 
@@ -76,5 +76,13 @@ def _excess(items: Sequence[ContactItem]) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def _stated(item: ContactItem) -> np.ndarray:
+    """Return the noise (6,) N, N m about the flange's origin, as stated for the sensor; infinite if none is stated.
+
+    A sensor at `pos` adds the moment of its forces' noise, which is alike in all axes.
+    """
     stated = wrench_noise(item.recording.noise)
-    return np.full(6, np.inf) if stated is None else stated
+    if stated is None:
+        return np.full(6, np.inf)
+    pos = np.array((item.recording.wrench or WrenchSensor()).pos)
+    stated[3:] = np.sqrt(stated[3:] ** 2 + (pos @ pos - pos**2) * stated[0] ** 2)
+    return stated
