@@ -157,12 +157,14 @@ def test_a_killed_distillation_goes_on_after_its_last_round(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         distilled(c, tmp_path / "part", make("depth"), False, Killed())
     assert len(curve(tmp_path / "part")) == 1
+    first = {p: p.read_bytes() for p in (tmp_path / "part/tensorboard").rglob("*") if p.is_file()}
     torch.manual_seed(99)  # whatever happened in between
     distilled(c, tmp_path / "part", make("depth"), False, Pointing())
     assert curve(tmp_path / "part") == curve(tmp_path / "whole")
     weights = [(tmp_path / name / "checkpoints/best/policy.safetensors").read_bytes() for name in ("whole", "part")]
     assert weights[0] == weights[1]
     assert not (tmp_path / "part/rounds").exists(), "they are large"
+    assert first and all(p.read_bytes() == was for p, was in first.items()), "curves of the first round stay"
     files = {p: p.read_bytes() for p in (tmp_path / "part").rglob("*") if p.is_file()}
     best = resume(tmp_path / "part", make=make("depth"), show=False)  # there is nothing left to do
     assert best == tmp_path / "part/checkpoints/best"
@@ -246,6 +248,7 @@ def test_configuration_survives_its_file(tmp_path):
         ({"ranges": "wide"}, "ranges: no such way to open the ranges.*choices: full, schedule, adaptive"),
         ({"ranges": "adaptive", "recipe": "distill"}, "distillation alone opens no ranges"),
         ({"ranges": "schedule", "stages": stages((6.0,), (), PegConfig())}, "a curriculum opens the ranges itself"),
+        ({"recipe": "distill", "stages": stages((6.0,), (), PegConfig())}, "distillation alone has no stages"),
         ({"sac": {"gamma": 2.0}}, "between 0 and 1"),
         ({"sac": {"lr": -1.0}}, "positive"),
     ],

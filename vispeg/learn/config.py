@@ -116,6 +116,8 @@ class TrainConfig:
             raise UserError("a dataset takes the place of a teacher", key="dataset", expected="one of them", got="both")
         if not self.stages:
             raise UserError("a curriculum needs a stage", key="stages")
+        if len(self.stages) > 1 and self.recipe == "distill":
+            raise UserError("distillation alone has no stages", key="stages", expected="one", got=len(self.stages))
         if self.ranges not in RANGES:
             raise UserError("no such way to open the ranges", key="ranges", got=self.ranges, choices=RANGES)
         if self.ranges != "full" and self.recipe == "distill":

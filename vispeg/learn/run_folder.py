@@ -12,7 +12,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.core.provenance import command_line
 from vispeg.learn.config import TrainConfig, read_config
-from vispeg.learn.methods.rounds import ROUNDS
+from vispeg.learn.methods.rounds import ROUNDS, STATE
 
 BEGUN = "begun.json"
 FROZEN = 5_000  # critic updates before a distilled actor is updated: untrained critics would spoil it
@@ -29,9 +29,9 @@ def settled(config: TrainConfig) -> TrainConfig:
 
 
 def begin(config: TrainConfig, folder: Path) -> None:
-    """Make a run's folder and write config.yaml; delete the curves of a run stopped before its first checkpoint."""
+    """Make a run's folder and write config.yaml; delete curves of a run stopped before a checkpoint or a round."""
     folder.mkdir(parents=True, exist_ok=True)
-    if (folder / "tensorboard").is_dir():
+    if (folder / "tensorboard").is_dir() and not (folder / ROUNDS / STATE).exists():
         shutil.rmtree(folder / "tensorboard", ignore_errors=True)
     if begun_by(folder) is None:
         text = json.dumps({"command": command_line(sys.argv)}) + "\n"

@@ -19,6 +19,7 @@ from vispeg.learn.networks.actor import Actor
 from vispeg.learn.networks.tensors import adam, fill, wake, write
 
 ROUNDS = "rounds"  # folder inside the run's folder; deleted once the run is finished
+STATE = "state.json"  # in it: the finished rounds
 
 
 class RoundResult(TypedDict):
@@ -62,7 +63,7 @@ class Rounds:
         Raises:
             UserError: the file is damaged.
         """
-        path = self.folder / "state.json"
+        path = self.folder / STATE
         if not path.exists():
             return None
         with as_written(path, "vispeg train"):
@@ -91,7 +92,7 @@ class Rounds:
         name = f"student-{done}.safetensors"
         write(self.folder / name, {"rng": torch.get_rng_state(), **_tensors(actor, optimizer)})
         text = json.dumps({**result, "rounds": done + 1, "student": name}, indent=1) + "\n"
-        write_text_atomic(self.folder / "state.json", text, overwrite=True)
+        write_text_atomic(self.folder / STATE, text, overwrite=True)
 
     def rings(self) -> list[Replay]:
         """Return the transitions of each finished round. Raises UserError where a round's are missing."""
