@@ -42,7 +42,7 @@ def truth_of(name: str) -> dict[str, float]:
 
 @lru_cache
 def fitted(name: str, seed: int = 5) -> tuple[Fit, float]:
-    """The fit to two noisy 1.6 s recordings and the mean squared whitened residual of the truth itself."""
+    """The fit to two noisy 1.6 s recordings and the truth's own mean squared whitened residual, of what is compared."""
     kind = REGISTRY[name]
     where = kind.targets(ROBOT)[len(kind.targets(ROBOT)) // 2]
     truth = World().add(EffectInstance.of(name, where, **truth_of(name)))
@@ -60,7 +60,7 @@ def fitted(name: str, seed: int = 5) -> tuple[Fit, float]:
     start = {k: p.start for k, p in kind.params.items()}
     first, *others = [World().add(EffectInstance.of(name, where, **{**start, **g})) for g in guesses]
     (fit,) = run_together([fit_job(evidence, first, [0], starts=others, iterations=15)], evidence.residuals)
-    return fit, float(np.mean(evidence.residuals([truth])[0] ** 2))
+    return fit, float(np.sum(evidence.residuals([truth])[0] ** 2) / evidence.count)
 
 
 def misses(name: str) -> dict[str, float]:
