@@ -14,10 +14,10 @@ from vispeg.api.recording.convert import convert
 from vispeg.core.errors import UserError
 from vispeg.formats.yaml_data import parse_yaml
 from vispeg.recordings.importers.bagfile import messages, open_bag
-from vispeg.recordings.importers.clock import hold, linear, poses
 from vispeg.recordings.importers.mapping import ColumnMap, map_from
 from vispeg.recordings.importers.rosbag import Topics, import_rosbag
 from vispeg.recordings.load import load
+from vispeg.recordings.resample import hold, linear, poses
 
 rosbags = pytest.importorskip("rosbags")
 pytestmark = pytest.mark.filterwarnings("ignore:.*torque_sensor", "ignore:.*messages that its index")

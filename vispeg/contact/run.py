@@ -165,7 +165,7 @@ def compare_contact(
         "evidence": "contact",
         "ladder": [{"model": label or world.label, "fit_error": None, "heldout_error": error, "unit": "N RMS"}],
         "noise_floor": {"value": evidence.floor, "unit": "N RMS", "from": evidence.floor_from},
-        "chi2": float(residual @ residual / max(evidence.count, 1)),
+        "chi2": evidence.chi2(residual),
         "joints": joint_errors(rows),
         "where_it_fails": where_it_fails(evidence, predicted),
         "phases": phase_errors(evidence, predicted),

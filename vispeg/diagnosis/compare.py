@@ -70,7 +70,7 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
             }
         ],
         "noise_floor": {"value": evidence.floor, "unit": unit, "from": "stated noise" if stated else "estimated"},
-        "chi2": float(np.sum(residual**2) / max(evidence.count, 1)),
+        "chi2": evidence.chi2(residual),
         "joints": _joints(evidence, pairs),
         "diverged": lost,
         "where_it_fails": where_it_fails(missing, joints) if missing else [],

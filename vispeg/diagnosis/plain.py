@@ -48,7 +48,7 @@ def compare_plain(evidence: Evidence, world: World, label: str) -> Comparison:
         "format": "vispeg-compare/1",
         "ladder": [{"model": label, "fit_error": None, "heldout_error": error, "unit": unit}],
         "noise_floor": {"value": evidence.floor, "unit": unit, "from": evidence.floor_from},
-        "chi2": float(residual @ residual / max(evidence.count, 1)),
+        "chi2": evidence.chi2(residual),
         "joints": joint_errors(rows),
         "where_it_fails": [],
         "recordings": {"fit": [], "validate": [r.name for r in evidence.recordings]},

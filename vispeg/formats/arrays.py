@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +25,18 @@ def read_arrays(path: str | Path, *, most: int = 2000 * MB) -> dict[str, np.ndar
     Raises:
         UserError: an unreadable file, not an archive, a damaged one, one with Python objects, or too large a one.
     """
+    with _archive(path, most) as data:
+        return {name: _array(data[name]) for name in data.files}
+
+
+def array_names(path: str | Path, *, most: int = 2000 * MB) -> tuple[str, ...]:
+    """Return the names of the arrays in an .npz file without reading them; arguments and errors as `read_arrays`."""
+    with _archive(path, most) as data:
+        return tuple(data.files)
+
+
+@contextmanager
+def _archive(path: str | Path, most: int) -> Iterator[Any]:
     with opened(path) as file:
         try:
             with zipfile.ZipFile(file) as archive:
@@ -31,7 +46,7 @@ def read_arrays(path: str | Path, *, most: int = 2000 * MB) -> dict[str, np.ndar
                 raise UserError("is too large", file=path, expected=expected, got=size(unpacked))
             file.seek(0)
             with np.load(file, allow_pickle=False) as data:
-                return {name: _array(data[name]) for name in data.files}
+                yield data
         except (OSError, ValueError, LookupError, TypeError, EOFError, SyntaxError, RuntimeError, MemoryError) as error:
             raise _refusal(path, error) from None
         except (zipfile.BadZipFile, zlib.error, NotImplementedError, OverflowError, RecursionError) as error:

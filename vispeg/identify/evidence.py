@@ -295,6 +295,10 @@ class Evidence(Freedom):
         """Number of valid readings."""
         return int(sum(i.valid.sum() for i in self.items))
 
+    def chi2(self, residual: np.ndarray) -> float:
+        """Return the mean square of a whitened residual over the valid readings."""
+        return float(residual @ residual) / max(self.count, 1)
+
     def blocks(self, seconds: float | None = None) -> np.ndarray:
         """Return the block (n,) of every entry of a residual: a piece of one item, `seconds` long (`RULES.block`)."""
         out, start = [], 0

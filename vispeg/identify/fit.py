@@ -237,7 +237,6 @@ def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, p
     columns = (jac,) if point.columns is None else (point.columns, jac[:, point.columns.shape[1] :].copy())
     sigma, correlation, weak = _uncertainty(evidence, r, jac, space)
     low, high = space.bounds
-    cost = float(r @ r) / max(evidence.count, 1)
     t = float(stats.t.ppf(0.975, max(2, len(np.unique(evidence.blocks())) - len(u))))
     effects: list[EffectInstance] = list(space.world.effects)
     bound = []
@@ -249,7 +248,7 @@ def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, p
         if not axis.param.shape and min(value - lo, hi - value) < 1e-6 * max(1.0, hi - lo):
             bound.append(f"{placed.label}.{axis.name}")
     world = replace(space.world, effects=tuple(effects))
-    return Fit(world, r, columns, space, u, sigma, correlation, tuple(bound), weak, converged, cost)
+    return Fit(world, r, columns, space, u, sigma, correlation, tuple(bound), weak, converged, evidence.chi2(r))
 
 
 def _uncertainty(
@@ -273,7 +272,7 @@ def _uncertainty(
     score = np.zeros((blocks.max() + 1, n))
     np.add.at(score, blocks, jac * r[:, None])
     cov = inverse @ (score.T @ score) @ inverse
-    alone = np.diag(inverse) * max(1.0, float(r @ r) / max(evidence.count, 1)) * evidence.correlated
+    alone = np.diag(inverse) * max(1.0, evidence.chi2(r)) * evidence.correlated
     cov = np.maximum(np.diag(cov), alone)
     spread = _between(evidence, r, jac)
     sigma = np.sqrt(np.maximum(cov, spread**2))

@@ -187,13 +187,12 @@ def evidence_for(
         raise UserError("must be at least 1", key="threads", got=nthread)
     every = (*recordings, *beside)
     for rec in every:
-        for key, has, first in (
-            ("robot", rec.robot, every[0].robot),
-            ("joints", ", ".join(rec.joints), ", ".join(every[0].joints)),
-        ):
-            if has != first:
-                what = f"recordings of different {key.rstrip('s')}s"
-                raise UserError(what, file=rec.path, key=key, expected=first, got=has)
+        if rec.robot != every[0].robot:
+            what = "recordings of different robots"
+            raise UserError(what, file=rec.path, key="robot", expected=every[0].robot, got=rec.robot)
+        if rec.joints != every[0].joints:
+            expected, got = (", ".join(r.joints) for r in (every[0], rec))
+            raise UserError("recordings of different joints", file=rec.path, key="joints", expected=expected, got=got)
     if any(rec.control.mode == "unknown" for rec in every):
         return TorqueEvidence(recordings)
     return Evidence(recordings, h_max=h_max, nthread=nthread)

@@ -11,7 +11,7 @@ from scipy import signal
 
 from vispeg.core.errors import UserError
 from vispeg.recordings.checks.missing import MOST
-from vispeg.recordings.differentiate import episodes
+from vispeg.recordings.differentiate import differences
 from vispeg.recordings.load import load
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.tables.read import read_table
@@ -138,20 +138,10 @@ def motor_torque(rec: Recording, j: int) -> tuple[np.ndarray | None, str]:
     if law.mode != "position" or law.kp is None or law.kd is None or rec.q_cmd is None:
         behind = "the torque sensor sits behind the gear, where friction does not show"
         return None, "no torque was recorded" if rec.tau is None or rec.torque_sensor == "none" else behind
-    rate = _speed(rec, j) if rec.dq is None else rec.dq[:, j]
+    rate = differences(rec.time, rec.q[:, [j]], rec.episode)[:, 0] if rec.dq is None else rec.dq[:, j]
     wanted = 0.0 if rec.dq_cmd is None else rec.dq_cmd[:, j]
     tau = law.kp[j] * (rec.q_cmd[:, j] - rec.q[:, j]) + law.kd[j] * (wanted - rate)
     return tau + (_weight(rec, j) if law.gravity_compensation == "model" else 0.0), ""
-
-
-def _speed(rec: Recording, j: int) -> np.ndarray:
-    """Differentiate the angle of joint j within each episode; (n,) rad/s, NaN at rows without a reading."""
-    out = np.full(len(rec.time), np.nan)
-    for rows in episodes(rec.time, rec.episode):
-        there = rows[np.isfinite(rec.q[rows, j])]
-        if len(there) > 1:
-            out[there] = np.gradient(rec.q[there, j], rec.time[there])
-    return out
 
 
 def _weight(rec: Recording, j: int) -> np.ndarray:

@@ -73,6 +73,20 @@ def episodes(time: np.ndarray, episode: np.ndarray | None = None) -> list[np.nda
     return [rows for rows in np.split(np.arange(len(time)), np.flatnonzero(new) + 1) if len(rows)]
 
 
+def differences(time: np.ndarray, values: np.ndarray, episode: np.ndarray | None = None) -> np.ndarray:
+    """Return the central differences of readings (n, k) over time (n,) s, each of the `episodes` by itself.
+
+    A missing reading is NaN, and those beside it are differentiated across it; a lone reading does not move.
+    """
+    out = np.where(np.isfinite(values), 0.0, np.nan)
+    for rows in episodes(time, episode):
+        for k in range(values.shape[1]):
+            read = rows[np.isfinite(values[rows, k])]
+            if len(read) > 1:
+                out[read, k] = np.gradient(values[read, k], time[read])
+    return out
+
+
 def spanned(time: np.ndarray, episode: np.ndarray | None) -> float:
     """Return the time that samples (n,) span, s: the sum over their `episodes`."""
     return float(sum(np.ptp(time[rows]) for rows in episodes(time, episode)))

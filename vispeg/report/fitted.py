@@ -58,7 +58,7 @@ def fit_record(
     fit = calibration.fit
     worlds, judge = [nominal, fit.world], evidence if judged is None else judged
     fitted, held = evidence.errors(worlds), [None, None] if judged is None else judged.errors(worlds)
-    before, after = (float(np.sum(r * r) / max(judge.count, 1)) for r in judge.residuals(worlds))
+    before, after = map(judge.chi2, judge.residuals(worlds))
     unit, floor = f"{evidence.unit} RMS", (judged or evidence).floor
     least = reading_floor(judge, fit.world) + noise_motion(judge, fit.world)
     effects = list(widened(fit.world, free, of_form(evidence, fit, before, after, least)).effects)

@@ -98,8 +98,7 @@ class EffectLoop:
             if motor is None and a.effect.order >= GEAR:
                 motor = tau
             tau = a.effect.drive(self.states[a.effect.name], tau, x, a.p)
-        motor = tau if motor is None else motor
-        return tau, self.inverse(motor, "motor") if self.inverses else motor
+        return tau, self.inverse(tau if motor is None else motor, "motor")
 
     def friction(self, x: DriveState, dry: np.ndarray) -> np.ndarray:
         """Return the level (nsim, nj) N m of dry friction, given the model's own."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from vispeg.core.effect import Effect, effect
 from vispeg.core.errors import UserError
+from vispeg.effects.common.camera import CameraEffect
 from vispeg.recordings.frames.frames import RecordedFrame
 from vispeg.recordings.frames.joints import joints_at
 from vispeg.recordings.recording import Recording
@@ -203,7 +204,7 @@ def _delivered(world: World, rendering: Rendering) -> Rendering:
     """
 
     def steady(kind: Effect) -> bool:
-        return kind.family == "camera" and kind.name not in DRAWN and not getattr(kind, "random", False)
+        return isinstance(kind, CameraEffect) and kind.name not in DRAWN and not kind.random
 
     world = world.only(lambda e: steady(effect(e.effect)))
     if not world.effects:

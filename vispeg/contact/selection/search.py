@@ -82,7 +82,7 @@ class ContactSearch(Search):
         because the effect may be what removes that residual.
         """
         (residual,) = self.evidence.residuals([world])
-        return self.need(min(1.0, float(residual @ residual) / max(self.evidence.count, 1)))
+        return self.need(min(1.0, self.evidence.chi2(residual)))
 
     def beyond(self, cost: float, quantile: float) -> float:
         """Return the drop for a chi-squared `quantile`, if a fit leaves a mean squared whitened residual of `cost`.

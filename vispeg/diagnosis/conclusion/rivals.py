@@ -95,7 +95,7 @@ def _goal(search: Searching, state: State) -> float | None:
     """
     if state.fit is None or search.evidence.alike > 0:
         return None
-    remains = float(state.residual @ state.residual) / search.evidence.count
+    remains = search.evidence.chi2(state.residual)
     return remains + RULES.rival_far * max(remains - 1.0, RULES.rival_room)
 
 

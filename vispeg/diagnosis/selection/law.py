@@ -157,7 +157,7 @@ def grow(search: Searching, state: State, placed: EffectInstance, n_fixed: int) 
         return
     squared = [squares(r) for r in search.evidence.each_residual([rest.add(s) for s in starts])]
     starts = _first([starts[k] for k in np.argsort(squared)])  # a fit of backlash converges slowly from far away
-    remains = float(state.residual @ state.residual) / search.evidence.count
+    remains = search.evidence.chi2(state.residual)
     goal = remains - RULES.decisive * max(remains - 1.0, 0.0)
     chases = [Chase(goal) for _ in starts]
     columns = [state.derivatives([simple])] * len(starts)

@@ -14,7 +14,7 @@ import numpy as np
 
 from vispeg.control.laws import position
 from vispeg.core.rules import RULES
-from vispeg.recordings.differentiate import CUTOFF_HZ, episodes, smooth
+from vispeg.recordings.differentiate import CUTOFF_HZ, differences, smooth
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel
 from vispeg.sim.segments.along import gravity, inertia
@@ -63,14 +63,5 @@ def _asked(rec: Recording) -> np.ndarray:
     """Return the torques that the loop commanded from its readings, without gravity compensation, (n, nj) N m."""
     assert rec.q_cmd is not None and rec.control.kp is not None and rec.control.kd is not None
     goal = np.zeros_like(rec.q) if rec.dq_cmd is None else rec.dq_cmd
-    speed = _speed(rec) if rec.dq is None else rec.dq
+    speed = differences(rec.time, rec.q, rec.episode) if rec.dq is None else rec.dq
     return position(rec.q_cmd, goal, rec.q, speed, rec.control.kp, rec.control.kd)
-
-
-def _speed(rec: Recording) -> np.ndarray:
-    """Return the differences of the readings over time, (n, nj) rad/s, each episode by itself; 0 for a lone sample."""
-    out = np.zeros_like(rec.q)
-    for rows in episodes(rec.time, rec.episode):
-        if len(rows) > 1:
-            out[rows] = np.gradient(rec.q[rows], rec.time[rows], axis=0)
-    return out

@@ -19,7 +19,7 @@ from vispeg.learn.networks.actor import Actor
 from vispeg.learn.networks.tensors import adam, fill, wake, write
 
 ROUNDS = "rounds"  # folder inside the run's folder; deleted once the run is finished
-STATE = "state.json"  # in it: the finished rounds
+STATE = "state.json"  # file in ROUNDS that lists the finished rounds
 
 
 class RoundResult(TypedDict):

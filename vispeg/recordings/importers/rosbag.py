@@ -15,10 +15,10 @@ from vispeg.recordings.frames.camera import RecordedCamera
 from vispeg.recordings.importers.bagfile import messages, open_bag, topics_of
 from vispeg.recordings.importers.bagimages import image_topics, read_images
 from vispeg.recordings.importers.build import build, joints_of
-from vispeg.recordings.importers.clock import hold, linear, poses
 from vispeg.recordings.importers.mapping import ColumnMap
 from vispeg.recordings.importers.pictures import Album
 from vispeg.recordings.recording import Recording
+from vispeg.recordings.resample import hold, linear, poses
 
 JOINTS, POSE, WRENCH = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped"
 FIELDS = ("position", "velocity", "effort")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
-from vispeg.formats.arrays import read_arrays
+from vispeg.formats.arrays import array_names
 from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.columns import SIGNALS
 from vispeg.recordings.frames.camera import RecordedCamera
@@ -130,4 +130,4 @@ def _is_whole(source: Path, mapping: ColumnMap) -> bool:
     """Return whether an archive's arrays are signals of all joints, by the map or by the recording's own names."""
     if any(target in SIGNALS for target in mapping.columns) or not mapping.columns:
         return True
-    return not any("." in target for target in mapping.columns) and "q" in read_arrays(source, most=MAX_BYTES)
+    return not any("." in target for target in mapping.columns) and "q" in array_names(source, most=MAX_BYTES)

@@ -11,7 +11,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.formats.guard import refuse_special
-from vispeg.recordings.importers.clock import linear
+from vispeg.recordings.resample import linear
 from vispeg.recordings.tables.stores import EPISODES, READERS, read_store
 from vispeg.recordings.tables.table import MAX_BYTES, Reading, Table, check_rows
 from vispeg.recordings.tables.table_csv import read_csv
