@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -109,6 +110,25 @@ def test_few_trials_cannot_tell_and_without_a_model_no_cause_is_tried(cell, tmp_
     assert {c["verdict"] for c in few["causes"]} == {CANNOT_TELL} and {c["share"] for c in few["causes"]} == {None}
     untried = explained(tmp_path, tmp_path / "untried", trials="few")
     assert untried["causes"] == [] and UNTRIED in untried["notes"]
+
+
+def test_a_killed_run_that_goes_on_with_more_replays_finds_what_a_fresh_one_finds(cell, tmp_path):
+    @contextmanager
+    def killed(jobs, folder):
+        def watch(new, done, total):
+            if done == total:
+                raise KeyboardInterrupt
+
+        yield watch
+
+    for folder in folders(cell / "trials")[:3]:
+        shutil.copytree(folder, tmp_path / "few" / folder.name)
+    asked = {"world": cell / "hidden.yaml", "model": cell / "model.yaml"}
+    with pytest.raises(KeyboardInterrupt):
+        explain(tmp_path / "few", "expert", **asked, replays=1, out=tmp_path / "why", playing=killed)
+    found = [explain(tmp_path / "few", "expert", **asked, replays=2, out=tmp_path / to) for to in ("why", "fresh")]
+    again, fresh = ({k: v for k, v in f.record.items() if k != "provenance"} for f in found)
+    assert again == fresh and all(row["closed"]["n"] == 2 for row in fresh["trials"])
 
 
 def test_trials_that_tell_nothing_are_refused_in_one_line(cell, tmp_path, capsys):

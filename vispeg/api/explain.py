@@ -195,27 +195,27 @@ def explain(
         if not (place / runner.EPISODES).exists():  # remove replays left by an earlier run
             rmtree(place / "replays", ignore_errors=True)
         at = _digest(read)
-        seeds = [why.seeds_of(i, replays, seed) for i in range(len(read))]
+        seeds = [why.seeds_of(i, len(read), replays, seed) for i in range(len(read))]
         starts = {s: t.said.again() for t, some in zip(read, seeds, strict=True) for s in some}
         actions = {s: t.steps.action for t, some in zip(read, seeds, strict=True) for s in some}
         kinds = {CLOSED: (), OPEN: (), **causes}
         jobs: dict[str, list[Job]] = {}
+        kept_in = place / "replays"
         for kind, effects in kinds.items():
             setting = Setting(str(world), file.name, f"{kind}, {at}", tuple(map(_change, effects)), dict(task or {}))
             again = Replays(starts, actions if kind == OPEN else {})
             (job,) = make_jobs(who, [setting], [s for some in seeds for s in some], place / "worlds")
             job = replace(job, replays=again)
             jobs[kind] = [job]
-            if (
-                kind == OPEN
-            ):  # keep DRAWS replays of each start as trials, to compare their measurements with the trial's
+            if kind == OPEN:  # keep DRAWS replays of each start as trials, to compare measurements
+                kept_in /= f"{at}-{job.world_hash[:12]}"  # a resumed run may have other trials or another world
                 first = tuple(s for some in seeds for s in some[:DRAWS])
                 rest = tuple(s for some in seeds for s in some[DRAWS:])
-                jobs[kind] = [replace(job, seeds=first, trials=place / "replays"), replace(job, seeds=rest)]
+                jobs[kind] = [replace(job, seeds=first, trials=kept_in), replace(job, seeds=rest)]
         flat = [job for some in jobs.values() for job in some if job.seeds]
         ends = play(flat, place, workers, playing, engine)
         played = {kind: _of(ends, some[0].configuration, seeds) for kind, some in jobs.items()}
-        kept = {int(p.name.rpartition("-")[2]): p for p in trials_in(place / "replays")}
+        kept = {int(p.name.rpartition("-")[2]): p for p in trials_in(kept_in)}
         replayed = [[read_trial(kept[s]) for s in some[:DRAWS]] for some in seeds]
         parted, strip = _parted(jobs[CLOSED][0], policy, read, replayed, workers, engine, notes)
         repeats = config_of(file.task).robot.repeats_mm

@@ -36,10 +36,14 @@ LIGHT = 1.0  # N, smallest simulated peak force that another is compared with
 DELAYS = np.arange(0, 41)  # delays to try, in samples
 
 
-def seeds_of(trial: int, replays: int, seed: int = 0) -> list[int]:
-    """Return the seeds of a trial's replays; they are the same for every kind of replay, so that replays pair."""
-    start = FIRST_SEED + 100_000 * seed + trial * replays
-    return list(range(start, start + replays))
+def seeds_of(trial: int, trials: int, replays: int, seed: int = 0) -> list[int]:
+    """Return the seeds of one trial's replays.
+
+    They are the same for every kind of replay, so that replays pair, and the first are the same for any number of
+    replays, so that a resumed run can use them.
+    """
+    start = FIRST_SEED + 100_000 * seed + trial
+    return list(range(start, start + replays * trials, trials))
 
 
 def summarise(
