@@ -60,6 +60,17 @@ def test_where_no_camera_sees_anything_nothing_is_diagnosed_and_check_says_why()
     assert any("shows no border of the cell" in line for line in warnings_of(checked))
 
 
+def test_two_calibrations_of_one_camera_are_refused_where_they_are_compared():
+    one, other = seen_by(HAND, seed=0), seen_by(HAND.moved(fx=HAND.fx * 1.01), seed=1)
+    for attempt in (
+        lambda: PICTURES.diagnose(CELL, ([one], [other]), How()),
+        lambda: PICTURES.blind(CELL, [one, other]),
+        lambda: border_evidence_of(CELL, [one, other], []),
+    ):
+        with pytest.raises(UserError, match="camera 'my hand' has another calibration than in recording 'run-0'"):
+            attempt()
+
+
 def test_a_camera_that_sees_a_surface_and_no_border_stays_for_its_depth():
     rec = seen_by(HAND, FLOOR)
     sights = sights_of([rec])

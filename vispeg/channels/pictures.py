@@ -19,12 +19,14 @@ from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.identify.pictures.read import sights_of
 from vispeg.recordings.progress import Reading, silent
 from vispeg.recordings.recording import Recording
+from vispeg.render.cameras.camera import Camera
 from vispeg.robots.bench import shows
 from vispeg.robots.objects import is_object
 from vispeg.robots.scene import Scene
 from vispeg.task import belief
 from vispeg.task.belief import bench_of, cell_of, recorded_cell
 from vispeg.vision.compare import Compared, border_rms, compare_frames
+from vispeg.vision.eye import camera_of
 from vispeg.vision.show import pictures
 from vispeg.worlds.words import place
 from vispeg.worlds.world import World
@@ -118,12 +120,25 @@ def scene_of(world: World, recordings: Sequence[Recording]) -> Scene:
     """Return the scene of the model that all recordings are compared with.
 
     Raises:
-        UserError: recordings of different cells.
+        UserError: recordings of different cells, or with different calibrations of one camera.
     """
     cells = [cell_of(world, rec) for rec in recordings]
     for rec, cell in zip(recordings, cells, strict=True):
         if cell != cells[0]:
             raise UserError("is of another cell", file=rec.path / "recording.yaml", key="cell", expected=cells[0])
+    known: dict[str, tuple[Camera, str]] = {}
+    for rec in recordings:
+        if rec.frames is None:
+            continue
+        for name in rec.frames.names:
+            camera = camera_of(rec.frames.cameras[name])
+            other, where = known.setdefault(name, (camera, rec.name))
+            if camera != other:
+                raise UserError(
+                    f"camera '{name}' has another calibration than in recording '{where}'",
+                    file=rec.path / "frames/cameras.yaml",
+                    expected="one calibration for each name of a camera",
+                )
     return belief.scene_of(world, recordings[0])
 
 
