@@ -1,5 +1,7 @@
 """Policies of a user's own: what acts is evaluated, as it acts by itself, and what does not is one line."""
 
+import json
+import shutil
 import sys
 
 import gymnasium as gym
@@ -10,7 +12,7 @@ import vispeg
 from vispeg.api.export.policy import export_policy
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
-from vispeg.evaluation.entrants import entrant, entrants
+from vispeg.evaluation.entrants import entrant, entrants, refuse_trained_on
 from vispeg.evaluation.jobs import seeds_of
 from vispeg.evaluation.players import own_player
 from vispeg.interface.exported import Exported
@@ -20,8 +22,10 @@ from vispeg.learn.interface import interface_of_policy
 from vispeg.learn.modalities import modality
 from vispeg.learn.networks.actor import Actor
 from vispeg.learn.policy import NetPolicy, load
+from vispeg.learn.shipped import policy_folder
 from vispeg.task.environments.vector import TaskVec
 from vispeg.task.scripted import Scripted
+from vispeg.task.world_file import load_world
 
 CODE = """
 import numpy as np
@@ -207,6 +211,21 @@ def test_an_onnx_file_plays_what_the_network_in_it_plays(tmp_path, capsys, monke
     (tmp_path / "broken.onnx").write_bytes(b"no model")
     assert main(["evaluate", "broken.onnx", "--world", "nominal", "--out", "o"]) == 2
     assert "broken.onnx: is not an ONNX model" in capsys.readouterr().err and not (tmp_path / "o").exists()
+
+
+def test_an_onnx_file_of_a_fine_tuned_policy_is_refused_where_its_folder_is(tmp_path):
+    shutil.copytree(policy_folder("state-3mm"), tmp_path / "tuned")
+    record = json.loads((tmp_path / "tuned" / "policy.json").read_text())
+    target = load_world("randomized")
+    record["meta"]["finetuned"] = {"world": "randomized", "world_hash": target.hash, "world_parts": {"1": "mine"}}
+    (tmp_path / "tuned" / "policy.json").write_text(json.dumps(record))
+    export_policy(tmp_path / "tuned", tmp_path / "tuned.onnx")
+    one, other = entrant(str(tmp_path / "tuned")), entrant(str(tmp_path / "tuned.onnx"))
+    assert target.hash in other.trained_on and set(other.trained_on) == set(one.trained_on)
+    assert dict(other.parts) == dict(one.parts) and other.parts["1"] == "mine"
+    for who in (one, other):
+        with pytest.raises(UserError, match="tuned was trained in randomized"):
+            refuse_trained_on([who], "randomized", target.hash)
 
 
 def test_an_onnx_file_with_a_memory_forgets_only_the_episodes_that_begin(tmp_path):

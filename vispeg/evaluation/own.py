@@ -168,7 +168,9 @@ def made_in(target: Any) -> MadeIn:
     """Return the world that a policy states it was trained in, as entries of a record; empty if it states none."""
     if not isinstance(target, Exported):
         return worlds()
-    return worlds({"world": target.interface.world, "world_hash": target.interface.world_hash})
+    i = target.interface
+    stated = {"world": i.world, "world_hash": i.world_hash, "world_hashes": i.world_hashes}
+    return worlds({**stated, "world_parts": i.world_parts} if i.world_parts else stated)
 
 
 def _of_space(space: Mapping[str, Any], name: str) -> tuple[str, dict[str, Any]]:

@@ -162,6 +162,8 @@ class Interface(_Part):
         start_height_m, start_radius_m: start of the tip in training, relative to the nominal goal: lowest and highest
             height above it, greatest offset to the side.
         world, world_hash: the world in which the policy was trained, and its hash.
+        world_hashes, world_parts: hashes of all worlds in which it was trained or fine-tuned, and hash -> file name of
+            each part that these are composed of.
         policy: hash of the policy's folder.
     """
 
@@ -191,6 +193,8 @@ class Interface(_Part):
     start_radius_m: Finite
     world: str = ""
     world_hash: str = ""
+    world_hashes: tuple[str, ...] = ()
+    world_parts: dict[str, str] = {}
     policy: str = ""
 
     @field_validator("images")

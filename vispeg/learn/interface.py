@@ -5,7 +5,7 @@ from __future__ import annotations
 from vispeg.core.errors import UserError
 from vispeg.interface.interface import Interface, NoInterface
 from vispeg.learn.envs import home
-from vispeg.learn.meta import interface, made_for
+from vispeg.learn.meta import interface, made_for, worlds
 from vispeg.learn.modalities import modality
 from vispeg.learn.policy import Policy
 from vispeg.task.environments.vector import world_of
@@ -44,6 +44,7 @@ def interface_of_policy(policy: Policy, world: str | None = None, digest: str = 
         recurrent=policy.recurrent,
         world=str(meta.get("world") or at),
         world_hash=trained,
+        **worlds(meta),
         policy=digest,
     )
     size = out.stack * sum(told.size for told in out.told)

@@ -55,7 +55,7 @@ def interface_of(
         obs_mode: observation mode.
         cameras: the cameras, as calibrated.
         images: keys of the images that the policies see.
-        **origin: further fields of Interface: `modality`, `recurrent`, `world`, `world_hash`, `policy`.
+        **origin: further fields of Interface: `modality`, `recurrent`, `policy`, and those of the worlds.
     """
     offered, arm = task_of(config), scene.nominal
     own = type(offered).command is not Task.command
