@@ -100,6 +100,16 @@ def test_stages_follow_success_and_are_remembered(tmp_path):
     assert [row["stage"] for row in curve(tmp_path / "run")] == ["0", "1"]
 
 
+def test_imitation_in_an_easy_stage_is_not_the_best(tmp_path):
+    distill = {"steps": 80, "updates": 5, "betas": (1.0, 0.0)}
+    course = (Stage(level=0.1), Stage(level=1.0))
+    c = config("depth", recipe="distill+sac", stages=course, pass_rate=0.5, steps=160, distill=distill)
+    distilled(c, tmp_path / "run", make("depth"), False, Pointing())
+    assert [row["success"] for row in curve(tmp_path / "run")] == ["1"] * 3  # all starts are at the target
+    kept = {p.name for p in (tmp_path / "run" / "checkpoints").iterdir()}
+    assert kept == {"updates-5", "updates-10", "steps-160", "last"}
+
+
 def test_a_run_stops_once_its_target_was_reached_twice(tmp_path):
     c = config(stages=(Stage(level=0.1),), target=0.5, steps=2000)
     train(c, tmp_path / "run", make("state"), show=False)

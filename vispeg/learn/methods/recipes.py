@@ -81,7 +81,7 @@ def distilled(
         table.add(row)
         record(logger, row, "distill", row["updates"])
         bar.say(line(row))
-        run.keep(row, f"updates-{row['updates']}")
+        run.keep(row, f"updates-{row['updates']}", run.course.last)
         reached = reached + 1 if row["success"] >= config.target else 0
         return {"best": list(run.best), "command": run.command, "reached": reached, "stop": reached >= 2}
 
