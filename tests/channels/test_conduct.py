@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from vispeg.channels.channel import CHANNELS, How
-from vispeg.channels.conduct import Said, conduct, joined, whole
+from vispeg.channels.conduct import ChannelResult, joined, search_in_turn, with_rest
 from vispeg.channels.joints import carrying
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
@@ -75,7 +75,7 @@ class Channels:
 
     def run(self) -> Diagnosis:
         channels = [CHANNELS[name] for name in self.said]
-        return joined(conduct(channels, ARM, self._answer, lambda text: None), ARM)
+        return joined(search_in_turn(channels, ARM, self._answer, lambda text: None), ARM)
 
 
 def test_channels_that_have_nothing_to_tell_each_other_are_searched_once():
@@ -125,13 +125,12 @@ def test_a_partial_effect_that_its_channel_dropped_is_in_no_model_again():
     by_wrench = answer(contact.part(model).without(FRICTION.effect, FRICTION.where), (), "contact")
     by_joints = answer(joints.part(model), (), "joints")
     left = [OFFSET.label, RUBS.label]
-    assert [e.label for e in whole(by_wrench, contact, model).world.effects] == left
-    assert [e.label for e in joined([Said(contact, by_wrench, ())], model).world.effects] == left
-    assert [
-        e.label for e in joined([Said(joints, by_joints, ()), Said(contact, by_wrench, ())], model).world.effects
-    ] == left
-    found_elsewhere = Said(joints, answer(joints.part(model), (FRICTION,), "joints"), ())
-    assert FRICTION in joined([found_elsewhere, Said(contact, by_wrench, ())], model).world.effects
+    assert [e.label for e in with_rest(by_wrench, contact, model).world.effects] == left
+    assert [e.label for e in joined([ChannelResult(contact, by_wrench, ())], model).world.effects] == left
+    both = [ChannelResult(joints, by_joints, ()), ChannelResult(contact, by_wrench, ())]
+    assert [e.label for e in joined(both, model).world.effects] == left
+    found_elsewhere = ChannelResult(joints, answer(joints.part(model), (FRICTION,), "joints"), ())
+    assert FRICTION in joined([found_elsewhere, ChannelResult(contact, by_wrench, ())], model).world.effects
 
 
 def test_nobody_builds_on_what_is_not_certain():
@@ -168,7 +167,7 @@ def test_what_several_channels_say_of_the_recordings_is_in_the_terminal_once():
         found = answer(ARM, (), name)
         found.record.update(missing=[gap, f"{name} are rare"], windows=[long])
         found.record.update({"evidence": "contact", "notes": [gap]} if name == "contact" else {})
-        told.append(Said(CHANNELS[name], found, ()))
+        told.append(ChannelResult(CHANNELS[name], found, ()))
     record = joined(told, ARM).record
     assert record["missing"] == [gap, "joints are rare", "pictures are rare", "contact are rare"]
     assert record["windows"] == [long]

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vispeg.core.errors import UserError
-from vispeg.diagnosis.pictures.flatness import heights_of_views, unflat
+from vispeg.diagnosis.pictures.flatness import heights_of_views, judge_heights
 from vispeg.recordings.cell import CellBelief
 from vispeg.render.calibration.board import Board
 from vispeg.render.calibration.detect import View
@@ -86,7 +86,7 @@ def test_heights_of_a_bent_board_are_found_whatever_the_arm_makes_of_each_view(b
             shift, rotated = 3e-3 * rng.normal(size=3), Rotation.from_rotvec(0.02 * rng.normal(size=3)).as_matrix()
             looks.append(look(pos + shift, rotated @ turn, pixel))  # where a wrong arm believes the camera
         stacked.append(heights_of_views(EYE, BOARD, looks))
-    left = unflat(*stacked[0], *stacked[1])
+    left = judge_heights(*stacked[0], *stacked[1])
     assert (left.share > 0.5 and left.size > 0.2) if bend else (left.share < 0.1 and left.size < 0.1)
 
 

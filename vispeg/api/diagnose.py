@@ -186,7 +186,7 @@ def diagnose(
         options = {"seed": seed, "nthread": threads, "say": say, "progress": progress, "likely": likely}
         joints = CHANNELS["joints"]
         change = diagnose_change(joints.part(inputs.world), was, *both, **options)
-        result = conduct.whole(change, joints, inputs.world)
+        result = conduct.with_rest(change, joints, inputs.world)
         stamp["inputs"] = dict(sorted({**stamp["inputs"], **before.provenance(seed)["inputs"]}.items()))
     with_arms(inputs.world, result.arrays)
     remainder = result.record.get("remainder", [])

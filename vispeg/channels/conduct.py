@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
+import numpy as np
+
 from vispeg.channels.channel import CHANNELS, Both, Channel, How
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
@@ -44,20 +46,20 @@ def diagnose(channels: Sequence[str], world: World, both: Both, how: How) -> Dia
     looked_in = [c for c in chosen if not blind[c.name]] or chosen[:1]
     left_out = [f"{c.name} are left out: {blind[c.name]}" for c in chosen if c not in looked_in]
     if len(looked_in) == 1:
-        return _noted(whole(looked_in[0].diagnose(world, both, how), looked_in[0], world), left_out)
+        return _noted(with_rest(looked_in[0].diagnose(world, both, how), looked_in[0], world), left_out)
 
-    def ask(c: Channel, start: World) -> Diagnosis:
+    def search(c: Channel, start: World) -> Diagnosis:
         return c.diagnose(start, both, replace(how, plan_next=False, progress=part_of(how.progress, c.name, start)))
 
-    return _noted(joined(conduct(looked_in, world, ask, how.say), world), left_out)
+    return _noted(joined(search_in_turn(looked_in, world, search, how.say), world), left_out)
 
 
-def whole(diagnosis: Diagnosis, channel: Channel, world: World) -> Diagnosis:
+def with_rest(diagnosis: Diagnosis, channel: Channel, world: World) -> Diagnosis:
     """Return a channel's diagnosis with the effects and the cell of `world` that the channel's own part leaves out."""
-    began = channel.part(world)
-    aside = [e for e in world.effects if e not in began.effects]
+    searched = channel.part(world).effects
+    rest = [e for e in world.effects if e not in searched]
     found = diagnosis.world
-    return replace(diagnosis, world=replace(found, cell=world.cell, effects=(*aside, *found.effects)))
+    return replace(diagnosis, world=replace(found, cell=world.cell, effects=(*rest, *found.effects)))
 
 
 def part_of(progress: Progress, channel: str, start: World) -> Progress:
@@ -75,7 +77,7 @@ def _noted(diagnosis: Diagnosis, left_out: Sequence[str]) -> Diagnosis:
 
 
 @dataclass(frozen=True)
-class Said:
+class ChannelResult:
     """A channel's diagnosis, and the other channels' effects that were in its model (`assumed`)."""
 
     channel: Channel
@@ -95,12 +97,12 @@ class Said:
         return tuple(e for e in self.added if sure and not e.partial and not e.tentative)
 
 
-def conduct(
+def search_in_turn(
     channels: Sequence[Channel],
     world: World,
-    ask: Callable[[Channel, World], Diagnosis],
+    search: Callable[[Channel, World], Diagnosis],
     say: Callable[[str], None],
-) -> list[Said]:
+) -> list[ChannelResult]:
     """Search every channel, and again each one for which other channels have since found different effects.
 
     Stops when none needs another search, or after `channel_rounds` rounds.
@@ -108,54 +110,55 @@ def conduct(
     Args:
         channels: those that the recordings have.
         world: the user's model.
-        ask: searches a channel from a model.
+        search: searches a channel from a model.
         say: called with a line on each search.
 
     Returns:
         the last result of each channel, in the order of `channels`.
     """
-    said: dict[str, Said] = {}
+    results: dict[str, ChannelResult] = {}
     for _ in range(RULES.channel_rounds):
-        news = False
+        searched = False
         for c in channels:
-            others = [s for name, s in said.items() if name != c.name]
-            assumed = tuple(e for s in others for e in s.firm if c.heeds(effect(e.effect)))
-            if c.name in said and _alike(said[c.name].assumed, assumed):
+            others = [r for name, r in results.items() if name != c.name]
+            assumed = tuple(e for r in others for e in r.firm if c.heeds(effect(e.effect)))
+            if c.name in results and _same_effects(results[c.name].assumed, assumed):
                 continue
             given = f", with {', '.join(e.label for e in assumed)} as others found them" if assumed else ""
             say(f"{c.name}{given}")
-            said[c.name], news = Said(c, ask(c, world.add(*assumed)), assumed), True
-        if not news:
+            results[c.name], searched = ChannelResult(c, search(c, world.add(*assumed)), assumed), True
+        if not searched:
             break
-    return [said[c.name] for c in channels]
+    return [results[c.name] for c in channels]
 
 
-def _alike(a: Sequence[EffectInstance], b: Sequence[EffectInstance]) -> bool:
+def _same_effects(a: Sequence[EffectInstance], b: Sequence[EffectInstance]) -> bool:
     """Return whether two lists have the same effects at the same places; their values may differ."""
     return {e.label for e in a} == {e.label for e in b}
 
 
-def joined(said: Sequence[Said], world: World) -> Diagnosis:
+def joined(results: Sequence[ChannelResult], world: World) -> Diagnosis:
     """Join the channels' results in one record and one model; a channel's arrays have keys `channel/NAME/...`.
 
-    The verdict is the gravest one. An effect that several channels found has the values of the first; one of `world`
-    that a channel refitted and dropped stays only if another found it. The ladder is of the channel whose held-out
-    error fell by the greatest factor.
+    The verdict is the gravest one. An effect that several channels found has the values of the first; one of `world`,
+    the user's model, that a channel refitted and dropped stays only if another found it. The ladder is of the channel
+    whose held-out error fell by the greatest factor.
     """
     added: dict[str, EffectInstance] = {}
     listed: list[Any] = []
-    for s in said:
-        for e, row in zip(s.added, s.diagnosis.record["effects"], strict=True):
+    for result in results:
+        for e, row in zip(result.added, result.diagnosis.record["effects"], strict=True):
             if e.label not in added:
                 added[e.label] = e
-                listed.append({**row, "channel": s.channel.name})
-    records = [s.diagnosis.record for s in said]
+                listed.append({**row, "channel": result.channel.name})
+    channels = [result.channel for result in results]
+    records = [result.diagnosis.record for result in results]
     lead = max(records, key=_fall)
     rest = [r for r in records if r["unexplained"]]
     record = {
         "format": "vispeg-diagnosis/1",
         "verdict": min((r["verdict"] for r in records), key=ORDER.index),
-        "reason": "; ".join(f"{s.channel.name}: {s.diagnosis.record['reason']}" for s in said),
+        "reason": "; ".join(f"{c.name}: {r['reason']}" for c, r in zip(channels, records, strict=True)),
         "effects": listed,
         "ladder": lead["ladder"],
         "noise_floor": lead["noise_floor"],
@@ -168,11 +171,15 @@ def joined(said: Sequence[Said], world: World) -> Diagnosis:
         "remainder": [entry for r in records for entry in r.get("remainder", [])],
         "windows": _once(row for r in records for row in r.get("windows", ())),
         "missing": _once(line for r in records for line in r.get("missing", ())),
-        "notes": [f"{s.channel.name}: {note}" for s in said for note in s.diagnosis.record["notes"]],
-        "by_channel": [_row(s) for s in said],
+        "notes": [f"{c.name}: {note}" for c, r in zip(channels, records, strict=True) for note in r["notes"]],
+        "by_channel": [_row(result) for result in results],
     }
-    arrays = {f"channel/{s.channel.name}/{key}": v for s in said for key, v in s.diagnosis.arrays.items()}
-    dropped = {label for s in said for label in s.channel.part(world).values.keys() - s.diagnosis.world.values.keys()}
+    arrays: dict[str, np.ndarray] = {}
+    dropped: set[str] = set()
+    for result in results:
+        found, searched = result.diagnosis, result.channel.part(world)
+        arrays |= {f"channel/{result.channel.name}/{key}": values for key, values in found.arrays.items()}
+        dropped |= searched.values.keys() - found.world.values.keys()
     kept = world.only(lambda e: e.label not in dropped)
     return Diagnosis(cast("DiagnosisRecord", record), kept.add(*added.values()), arrays)
 
@@ -186,10 +193,11 @@ def _once(entries: Iterable[Any]) -> list[Any]:
     return out
 
 
-def _row(s: Said) -> ChannelRecord:
+def _row(result: ChannelResult) -> ChannelRecord:
     """Return a channel's own record, with the effects of other channels that were in its model."""
-    assumed = [{"effect": e.effect, "where": e.where} for e in s.assumed]
-    return cast("ChannelRecord", {"channel": s.channel.name, "given": assumed, "record": s.diagnosis.record})
+    assumed = [{"effect": e.effect, "where": e.where} for e in result.assumed]
+    own = result.diagnosis.record
+    return cast("ChannelRecord", {"channel": result.channel.name, "given": assumed, "record": own})
 
 
 def _fall(record: Mapping[str, Any]) -> float:

@@ -40,11 +40,11 @@ class Blow:
     Attributes:
         recording: recording that contains it.
         scene: the believed cell.
-        rows: simulated rows of the recording.
+        rows: rows of the recording that are simulated, from `BEFORE` the measured contact to `AFTER` it.
         start: (nj,) rad and rad/s, measured joint angles and speeds at the first of these rows.
-        axis: (3,) direction of the contact force, flange axes.
+        axis: (3,) direction of the contact force, flange axes; a unit vector.
         threshold: contact force that counts as contact, N.
-        speed: speed of the tip, m/s.
+        speed: speed of the tip at the first of these rows, m/s.
         felt: (2,) measured impulse along the axis, N s, and time of flight, s.
     """
 
@@ -67,42 +67,47 @@ class Blow:
 
 
 def restarts(rec: Recording) -> bool:
-    """Return whether a recording has a wrench and a controller with which parts of it can be simulated."""
+    """Return whether a recording has a wrench and a controller with which parts of it can be simulated.
+
+    Its rows must come at the controller's rate, because each one is a command of the simulation.
+    """
     if rec.control.mode != "osc" or rec.ee_cmd is None or not sensed(rec):
         return False
     clock = np.diff(rec.time) * rec.control.rate_hz
     return bool(abs(np.median(clock) - 1) < 0.05)
 
 
-def blows(rec: Recording, felt: Touch | None = None) -> list[Blow]:
+def blows(rec: Recording, contact: Touch | None = None) -> list[Blow]:
     """Return the impacts of a recording, except those after a rebound; empty if `restarts` says no.
 
-    `felt` is the contact along the recording, if it is known already.
+    `contact` is the contact along the recording, if it is known already.
     """
     if not restarts(rec):
         return []
     cell = recorded_cell(rec)
-    felt = felt or touch(rec, cell.scene)
-    assert felt is not None
-    hit = felt.regime == IMPACT
+    contact = contact or touch(rec, cell.scene)
+    assert contact is not None  # `restarts` says that there is a wrench
+    hit = contact.regime == IMPACT
     calm, before, after = (round(s * rec.rate_hz) for s in (CALM, BEFORE, AFTER))
     noise = wrench_noise(rec.noise)
     out = []
     for start in np.flatnonzero(hit & ~np.r_[False, hit[:-1]]):
-        first = int(start) + int(np.argmax(felt.force[start : start + after] > felt.threshold))
-        if first < calm + before or first + after >= len(rec.time) or np.any(felt.regime[first - calm : start] != FREE):
+        first = int(start) + int(np.argmax(contact.force[start : start + after] > contact.threshold))
+        if first < calm + before or first + after >= len(rec.time):
+            continue
+        if np.any(contact.regime[first - calm : start] != FREE):
             continue
         if rec.episode is not None and rec.episode[first - calm] != rec.episode[first + after]:
             continue
         rows = slice(first - before, first + after)
-        push = felt.wrench[first : first + after, :3] - felt.wrench[first - before : first, :3].mean(axis=0)
+        push = contact.wrench[first : first + after, :3] - contact.wrench[first - before : first, :3].mean(axis=0)
         axis = push.sum(axis=0) / max(np.linalg.norm(push.sum(axis=0)), 1e-9)
-        speed = float(np.linalg.norm(felt.velocity[first - before]))
-        least = max(felt.threshold, 0.0 if noise is None else RULES.blow_noise * float(noise[0]))
-        blow = _felt(felt.wrench[rows, :3] @ axis, rec.rate_hz, before, least)
-        if np.isfinite(blow).all():
+        speed = float(np.linalg.norm(contact.velocity[first - before]))
+        least = max(contact.threshold, 0.0 if noise is None else RULES.blow_noise * float(noise[0]))
+        measured = _felt(contact.wrench[rows, :3] @ axis, rec.rate_hz, before, least)
+        if np.isfinite(measured).all():
             begin = _started(rec, first - calm, first, first - before)
-            out.append(Blow(rec, cell.scene, rows, begin, axis, least, speed, blow))
+            out.append(Blow(rec, cell.scene, rows, begin, axis, least, speed, measured))
     return out
 
 
@@ -113,31 +118,38 @@ def predicted(blow: Blow, worlds: Sequence[World], nthread: int = 1) -> np.ndarr
     cell = recorded_cell(rec)
     plants = [cell.world.add(*w.effects) for w in worlds]
     ran = run(cell.scene, plants, rec.control, rec.ee_cmd[blow.rows], *blow.start, nthread=nthread).ft
-    before = max(2, round(0.5 * BEFORE * rate))
+    before = max(2, round(0.5 * BEFORE * rate))  # only half: a simulated contact may come earlier
     return np.stack([_felt(wrench @ blow.axis, rate, before, blow.threshold) for wrench in ran[:, :, :3]])
 
 
 def _felt(force: np.ndarray, rate: float, before: int, threshold: float) -> np.ndarray:
-    """Return impulse and flight (2,) of a force (n,) minus its value `before` contact; NaN without an impact.
+    """Return impulse, N s, and flight, s, of a force along its axis; NaN without an impact.
 
-    A tool that does not touch again counts as flying until the end of `force`.
+    A tool that does not touch again counts as flying until the end of `force`; one that does not separate does not fly.
+
+    Args:
+        force: (n,) N.
+        rate: of its samples, Hz.
+        before: number of samples at its start that are surely free of contact; their mean is its zero.
+        threshold: force that counts as contact, N.
     """
     above, hit = force - force[:before].mean(), round(HIT * rate)
     touched = np.flatnonzero(np.abs(above) > threshold)
-    peak = above[touched[0] : touched[0] + hit].max() if len(touched) else 0.0
-    if peak < RULES.blow_brush * threshold or touched[0] + hit > len(above):
+    begin = int(touched[0]) if len(touched) else 0
+    peak = above[begin : begin + hit].max() if len(touched) else 0.0
+    if peak < RULES.blow_brush * threshold or begin + hit > len(above):
         return np.full(2, np.nan)
     on = above > max(threshold, RULES.blow_parted * peak)
     first = int(np.argmax(on))
-    part = first + int(np.argmin(np.r_[on[first:], False]))
-    flight = int(np.argmax(np.r_[on[part:], True]))
-    parts = part < first + 2 * hit  # else the tool stays in contact
-    end = max(touched[0] + hit, part) if parts else touched[0] + hit
-    return np.array([above[touched[0] : end].sum() / rate, parts * flight / rate])
+    leaves = first + int(np.argmin(np.r_[on[first:], False]))
+    flies = leaves < first + 2 * hit
+    flight = int(np.argmax(np.r_[on[leaves:], True])) if flies else 0
+    end = max(begin + hit, leaves) if flies else begin + hit
+    return np.array([above[begin:end].sum() / rate, flight / rate])
 
 
 def _started(rec: Recording, begin: int, end: int, at: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return angles and rates (nj,) at row `at` of a parabola fitted to the rows `begin` to `end` of free air."""
+    """Return angles (nj,) rad and rates (nj,) rad/s at row `at` of a parabola fitted to the rows `begin` to `end`."""
     time = rec.time[begin:end] - rec.time[at]
     curve = np.polynomial.polynomial.polyfit(time, bridged(rec.time, rec.q, rec.episode)[begin:end], 2)
     return curve[0], curve[1]

@@ -3,9 +3,9 @@
 If several effects explain the recordings equally well, it is the motion in which the two best explanations A and B
 differ most (T-optimal design): of a menu of motions the one with the largest `sqrt(sum(((y_A - y_B) / sigma)^2))`, the
 distance of their predictions in standard deviations of the noise (Atkinson and Fedorov, Biometrika 62(1), 1975). Below
-`next_sigma` no motion is proposed, since rounding alone may cause such a difference. If the verdict is `unexplained`,
-it is a motion that separates effects of speed, load and reversals. A motion already recorded is not proposed again
-while another would do. If the model is adequate, or identified without rivals, nothing is proposed.
+`next_sigma` no motion is proposed, since noise would hide the difference. If the verdict is `unexplained`, it is a
+motion that separates effects of speed, load and reversals. A motion already recorded is not proposed again while
+another would do. If the model is adequate, or identified without rivals, nothing is proposed.
 """
 
 from __future__ import annotations
@@ -28,29 +28,35 @@ from vispeg.sim.rollout import simulate
 from vispeg.sim.segments.segment import Segment
 from vispeg.worlds.world import World
 
-SHOWS = {  # motions to propose if the verdict is `unexplained`, in order of preference, and what each is for
+SHOWS = {  # the menu, in the order in which it is proposed if the verdict is `unexplained`, and what each motion shows
     "triangle": "shows speed, reversal and load regimes apart, each joint alone",
     "sweep": "shows each joint over its whole reach, the others still",
     "chirp": "shows speed and frequency apart, up to what the joints' limits allow",
     "steps": "shows rest, breaking loose and small moves",
     "fourier": "is another trajectory, on which what is left may repeat or not",
 }
-MENU = ("triangle", "chirp", "steps", "fourier", "sweep")
-SECONDS = 6.0
+MENU = tuple(SHOWS)
+SECONDS = 6.0  # of each motion
 
 
 def next_experiment(
     search: Searching, state: State, rivals: Sequence[Rivals], verdict: str, seed: int, recorded: Collection[str] = ()
 ) -> tuple[NextMotion | None, dict[str, np.ndarray]]:
-    """Return the record's `next_experiment` and the arrays of its picture; None if nothing is left to find out.
+    """Return the record's `next_experiment` and the arrays of its picture, or None and none if nothing is left to find.
+
+    The motion's name is empty if none of the menu helps.
 
     Args:
         search: the finished search.
         state: its last state.
         rivals: of the effects that it added.
-        verdict: `unexplained` and so on.
+        verdict: of the diagnosis.
         seed: of the motions' random parts.
         recorded: names of the motions already recorded, if known.
+
+    Returns:
+        The entry, and `next/time` (n,) s, `next/q_cmd` and `next/dq_cmd` (n, nj) rad, rad/s; with rivals also their
+        predictions `next/A` and `next/B` (n, nj), rad or N m.
     """
     pair = _explanations(state, rivals)
     if pair is None and verdict != "unexplained":
@@ -71,9 +77,9 @@ def next_experiment(
         best = f"(the best, {name}, by {sigma:.2g})"
         why = f"no motion of the menu separates {names[0]} from {names[1]} by {RULES.next_sigma:g} sigma {best}"
         return {"motion": "", "why": why, "expected_separation_sigma": round(sigma, 2)}, {}
-    motion = menu.record(name, f"separates {names[0]} from {names[1]}")
-    motion["expected_separation_sigma"] = round(sigma, 2)
-    return motion, menu.arrays(name) | {"next/A": a, "next/B": b}
+    proposed = menu.record(name, f"separates {names[0]} from {names[1]}")
+    proposed["expected_separation_sigma"] = round(sigma, 2)
+    return proposed, menu.arrays(name) | {"next/A": a, "next/B": b}
 
 
 def repeated(name: str) -> NextMotion:
@@ -85,10 +91,10 @@ def repeated(name: str) -> NextMotion:
 class _Menu:
     """The menu of motions for the recorded robot, under its position controller, or one made for it if it has another.
 
-    `advice` is added to a motion's purpose.
+    Noise and joints are those of the first recording.
     """
 
-    advice = ""
+    advice = ""  # added to the purpose of a motion if the verdict is `unexplained`
 
     def __init__(self, search: Searching, seed: int):
         self.evidence, self.seed = search.evidence, seed
@@ -123,7 +129,7 @@ class _Menu:
         return out
 
     def record(self, name: str, why: str) -> NextMotion:
-        """Return the `next_experiment` of a motion; its samples are written to `file`, relative to the record."""
+        """Return the `next_experiment` that proposes a motion; its `file` is relative to the record's folder."""
         return {
             "motion": name,
             "why": why,
@@ -156,16 +162,16 @@ class _TorqueMenu(_Menu):
             evidence = TorqueEvidence([rec])
             (y,) = evidence.simulated([a, b])
             gap = ((y[0] - y[1]) / self.item.sigma[: self.item.nj])[evidence.items[0].valid.any(axis=1)]
-            at = evidence.items[0].segment.time
+            at = evidence.items[0].segment.time  # fewer samples than the motion has
             first, second = (np.stack([np.interp(m.time, at, c) for c in torque.T], axis=1) for torque in y)
             out[name] = float(np.sqrt(np.sum(gap**2))), first, second
         return out
 
 
 def _explanations(state: State, rivals: Sequence[Rivals]) -> tuple[World, World, tuple[str, str]] | None:
-    """Return the worlds to tell apart, the final one and its best equal, and the labels of the effects they differ in.
+    """Return the worlds to tell apart, the final one and the best with a rival, and the labels of effect and rival.
 
-    None if no effect has an equal.
+    None if no effect has an equal rival.
     """
     pairs = [(t, r.label) for r in rivals for t in r.equals]
     if not pairs:

@@ -14,7 +14,7 @@ from vispeg.diagnosis.selection.judge import parameters, present
 from vispeg.diagnosis.selection.state import State
 from vispeg.worlds.world import World
 
-OF_TIME = ("camera_delay", "rolling_shutter")
+OF_TIME = ("camera_delay", "rolling_shutter")  # effects that only motion shows
 
 
 class BorderSearch(PictureSearch):
@@ -22,11 +22,14 @@ class BorderSearch(PictureSearch):
 
     @property
     def least_share(self) -> float:
-        """As `PictureSearch`; lower, as projection is nearly exact and `Agreement` asks for a change in px as well."""
+        """As `PictureSearch`; lower, because projection is nearly exact and `doubt` also demands a change in px."""
         return RULES.later
 
     def run(self, world: World, n_fixed: int | None = None) -> State:
-        """Add effects until none is accepted, then replace effects by simpler or better ones."""
+        """Add effects until none is accepted, then replace effects by simpler or better ones.
+
+        `n_fixed` is the number of the world's first effects that stay as they are; by default all.
+        """
         n_fixed = len(world.effects) if n_fixed is None else n_fixed
         state = super().run(world, n_fixed)
         for _ in range(RULES.exchanges):
@@ -40,7 +43,7 @@ class BorderSearch(PictureSearch):
         return state
 
     def doubt(self, placed: EffectInstance, added: World, without: World, n_fixed: int) -> str:
-        """As `PictureSearch`: other effects can replace it, or the two recordings disagree on it."""
+        """As `PictureSearch`: the other effects can replace it, or the two recordings disagree on it."""
         return agreement(self, added, without, n_fixed).doubt(self.least_of(placed))
 
     def least_of(self, placed: EffectInstance) -> float:
@@ -48,7 +51,10 @@ class BorderSearch(PictureSearch):
         return RULES.moving_px if placed.effect in OF_TIME else self.least
 
     def _simpler(self, state: State, n_fixed: int) -> tuple[Trial, list[Trial]] | None:
-        """Return the trial of one effect alone that fits as well as the whole set."""
+        """Return the trial of one effect alone that fits as well as all added ones, and the trials it was chosen from.
+
+        None if there is none. The trials are those of the first step, which each add one effect to the user's model.
+        """
         if len(state.world.effects) - n_fixed < 2:
             return None
         trials, base = state.steps[0][1], replace(state.world, effects=state.world.effects[:n_fixed])
@@ -58,13 +64,16 @@ class BorderSearch(PictureSearch):
         return (alone[0], trials) if alone else None
 
     def _exchange(self, state: State, n_fixed: int) -> tuple[Trial, list[Trial]] | None:
-        """Return the trial of replacing one effect by another that fits better, everything else refitted."""
-        best, chosen = (1.0 - RULES.exchange) * float(state.loss.sum()), state.world.effects[n_fixed:]
-        replacement = None
-        for placed in chosen if len(chosen) > 1 else ():
+        """Return the best trial that replaces one effect by another, and the trials it was chosen from.
+
+        Everything else is refitted. None if no replacement removes a share `exchange` of the held-out error.
+        """
+        added = state.world.effects[n_fixed:]
+        least, replacement = (1.0 - RULES.exchange) * float(state.loss.sum()), None
+        for placed in added if len(added) > 1 else ():
             reduced = self._without(state, placed, n_fixed)
             places = [p for p in self.places(reduced.world) if p != (placed.effect, placed.where)]
             trials = self.questioned(reduced, self.step(reduced, n_fixed, places), n_fixed)
-            if trials and not trials[0].rejected and float(trials[0].loss.sum()) < best:
-                best, replacement = float(trials[0].loss.sum()), (trials[0], trials)
+            if trials and not trials[0].rejected and float(trials[0].loss.sum()) < least:
+                least, replacement = float(trials[0].loss.sum()), (trials[0], trials)
         return replacement

@@ -1,12 +1,13 @@
 """Flatness of the calibration board: the error that fitted corner heights explain in held-out views.
 
-Each view has its own fitted board pose, which absorbs errors of robot, mount and delay, so only the board's shape
-remains. A lens error outside the library also appears as heights; the model is wrong in either case.
+A misplacement is a corner's measured minus its predicted pixel, u and v one after the other. Each view has its own
+fitted board pose, which absorbs errors of robot, mount and delay, so only the board's shape remains. A lens error
+outside the library also appears as heights; the model is wrong in either case.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -24,27 +25,30 @@ from vispeg.worlds.world import World
 
 SMALL = 1e-4  # m, rad: steps of derivatives
 ROUNDS = 3  # of the pose fit and of the robust weights
+LEAST_NOISE = 0.05  # px, least noise of a found corner
+Heights = tuple[np.ndarray, np.ndarray]  # misplacements (n,) px, and slopes (n, corners) px per mm of corner height
 
 
 def heights_left(geometry: Geometry, fitted: Sequence[Sight], judged: Sequence[Sight], world: World) -> list[Left]:
-    """Return what a board's non-flatness, corner heights fitted to some views, explains in others; empty without a
-    board in both.
+    """Return what corner heights fitted to some sights explain in others.
+
+    Empty without a board in both, and if one of them has boards with different numbers of corners.
     """
     first, second = (_stacked(geometry, some, world) for some in (fitted, judged))
     if first is None or second is None:
         return []
-    return [unflat(*first, *second)]
+    return [judge_heights(*first, *second)]
 
 
-def unflat(away: np.ndarray, slopes: np.ndarray, held_away: np.ndarray, held_slopes: np.ndarray) -> Left:
-    """Return the share and px that heights explain.
+def judge_heights(away: np.ndarray, slopes: np.ndarray, held_away: np.ndarray, held_slopes: np.ndarray) -> Left:
+    """Fit one height per corner, mm, robustly, and return the share and the RMS px that they explain when held out.
 
     Args:
-        away, held_away: (n,) px, misplacements of corners to fit and to judge on, each view's pose taken out.
-        slopes, held_slopes: (n, corners) px per mm of height.
+        away, held_away: (n,) px, misplacements to fit and to judge on, each view's pose projected out.
+        slopes, held_slopes: (n, corners) px per mm of height, likewise.
     """
-    noise, rest = max(noise_of(away), 0.05), away
-    for scale in (3 * noise, *[noise] * ROUNDS):
+    noise, rest = max(noise_of(away), LEAST_NOISE), away
+    for scale in (3 * noise, *[noise] * ROUNDS):  # wide at first, as the heights are unknown
         weight = trust(rest, scale)[:, None] / scale**2
         normal = slopes.T @ (weight * slopes) + np.eye(slopes.shape[1]) / RULES.flat_bend**2
         heights = np.linalg.solve(normal, slopes.T @ (weight[:, 0] * away))
@@ -56,53 +60,55 @@ def unflat(away: np.ndarray, slopes: np.ndarray, held_away: np.ndarray, held_slo
     return Left("the board's shape", max(share, 0.0), size, where)
 
 
-def _stacked(geometry: Geometry, sights: Sequence[Sight], world: World) -> tuple[np.ndarray, np.ndarray] | None:
+def _stacked(geometry: Geometry, sights: Sequence[Sight], world: World) -> Heights | None:
+    """Return the heights of all sights' views; None without any, or if boards differ in the number of corners."""
     parts = []
     for sight in sights:
         looks = list(looks_of(geometry, sight, world).values())
         if sight.board is not None and (some := heights_of_views(geometry.eyes[sight.camera.name], sight.board, looks)):
             parts.append(some)
-    if len({slopes.shape[1] for _, slopes in parts}) != 1:
-        return None
-    away, slopes = (np.concatenate(x) for x in zip(*parts, strict=True))
-    return away, slopes
+    return _concatenated(parts) if len({slopes.shape[1] for _, slopes in parts}) == 1 else None
 
 
-def heights_of_views(eye: Eye, board: Board, looks: Sequence[Look]) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return misplacements (n,) px and slopes (n, corners) px per mm of all views, or None; see `unflat`.
+def heights_of_views(eye: Eye, board: Board, looks: Sequence[Look]) -> Heights | None:
+    """Return misplacements and slopes of all views, see `judge_heights`; None without any.
 
-    Views with fewer than `flat_corners` corners are skipped.
+    Views with fewer than `flat_corners` corners are skipped, and so are those with a corner that has no projection.
     """
-    parts = [part for look in looks if len(look.view.ids) >= RULES.flat_corners for part in _of_view(eye, board, look)]
-    if not parts:
-        return None
+    enough = [look for look in looks if len(look.view.ids) >= RULES.flat_corners]
+    parts = [part for look in enough if (part := _of_view(eye, board, look)) is not None]
+    return _concatenated(parts) if parts else None
+
+
+def _concatenated(parts: Sequence[Heights]) -> Heights:
     away, slopes = (np.concatenate(x) for x in zip(*parts, strict=True))
     return away, slopes
 
 
-def _of_view(eye: Eye, board: Board, look: Look) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield misplacements (n,) px and slopes (n, corners) px per mm of one view, projected off the board's pose."""
+def _of_view(eye: Eye, board: Board, look: Look) -> Heights | None:
+    """Return misplacements and slopes of one view, with what a change of the board's pose does projected out."""
     pose, ids = pose_of_board(eye, board, look), look.view.ids
 
     def seen(points: np.ndarray) -> np.ndarray:
+        """Return the pixels (2 n,) of points (n, 3) m in the board's frame."""
         return look.project(eye, points @ pose[:3, :3].T + pose[:3, 3]).ravel()
 
-    flat, moved = board.points[ids], np.zeros(0)
-    for _ in range(ROUNDS):
+    flat = board.points[ids]
+    for _ in range(ROUNDS):  # Gauss-Newton steps of the pose
         here = seen(flat)
         steps = [SMALL * axis for axis in np.eye(6)]
         turned = [flat @ Rotation.from_rotvec(s[3:]).as_matrix().T + s[:3] for s in steps]
         jacobian = np.stack([seen(t) - here for t in turned], axis=1) / SMALL
-        moved = look.view.pixels.ravel() - here
-        if not np.isfinite(moved).all():
-            return
-        x = np.linalg.lstsq(jacobian, moved, rcond=None)[0]
+        away = look.view.pixels.ravel() - here
+        if not np.isfinite(away).all():
+            return None
+        x = np.linalg.lstsq(jacobian, away, rcond=None)[0]
         turn = np.eye(4)
         turn[:3, :3], turn[:3, 3] = Rotation.from_rotvec(x[3:]).as_matrix(), x[:3]
         pose = pose @ turn
     lifted = seen(flat + [0, 0, SMALL]) - seen(flat)
-    slopes = np.zeros((len(moved), len(board.points)))
-    slopes[np.arange(len(moved)), np.repeat(ids, 2)] = lifted / SMALL / 1e3
+    slopes = np.zeros((len(lifted), len(board.points)))
+    slopes[np.arange(len(lifted)), np.repeat(ids, 2)] = lifted / SMALL / 1e3
     basis = np.linalg.qr(jacobian)[0]
     away = look.view.pixels.ravel() - seen(flat)
-    yield away - basis @ (basis.T @ away), slopes - basis @ (basis.T @ slopes)
+    return away - basis @ (basis.T @ away), slopes - basis @ (basis.T @ slopes)

@@ -34,7 +34,7 @@ class SensorSearch(PictureSearch):
     """A search restricted to effects that change a figure outside its ordinary range."""
 
     def places(self, world: World) -> list[tuple[str, str]]:
-        """Return every such effect at every place where the world lacks it."""
+        """Return (effect, place) of every such effect that the world lacks; empty if no figure is out of range."""
         evidence = self.evidence
         assert isinstance(evidence, SensorEvidence)
         odd = {name for name, size in evidence.off(world).items() if abs(size) > RULES.figure_odd}
@@ -46,7 +46,7 @@ class SensorSearch(PictureSearch):
         return out
 
     def least_times(self, placed: EffectInstance, world: World, without: World) -> float:
-        """As `PictureSearch`, but at least until a figure leaves its ordinary range, whichever its own error."""
+        """As `PictureSearch`, but at least the multiple at which a figure leaves its range, whatever its error now."""
         evidence = self.evidence
         assert isinstance(evidence, SensorEvidence)
         off, moves = evidence.off(without), evidence.moves(world, without)
@@ -67,10 +67,17 @@ class SensorSearch(PictureSearch):
 
 @dataclass(frozen=True)
 class Sensed:
-    """Result of the sensor search on one kind of pictures: its final state, and the held-out evidence.
+    """Result of the sensor search on one kind of pictures.
 
-    `excitations` states which effects these pictures could show, `shows_from` from which size; `alike` what is
-    confounded within one effect; `evidence` is the fitted evidence.
+    Attributes:
+        kind: of the pictures.
+        state: final state of the search.
+        rivals: of the effects that were found.
+        evidence, judged: fitted and held-out figures.
+        before: the user's model.
+        excitations: which effects these pictures could show.
+        shows_from: from which size they would have shown an effect.
+        alike: which parameters of one effect are confounded, in words.
     """
 
     kind: Kind
@@ -96,7 +103,7 @@ class Sensed:
 
     @property
     def worst(self) -> tuple[str, float, float]:
-        """Figure with the largest final error, and that error before and after in multiples of `ordinary`."""
+        """Figure with the largest final error, and that error before and after, in units of its `ordinary`."""
         after, before = (self.judged.off(w) for w in (self.state.world, self.before))
         name = max(after, key=lambda k: abs(after[k]), default="")
         return (name, abs(before[name]), abs(after[name])) if name else ("no figure", 0.0, 0.0)
@@ -108,25 +115,22 @@ class Sensed:
         return any(abs(v) > 1.0 for k, v in moved.items() if k.startswith(ERROR))
 
     def ladder(self) -> tuple[list[Rung], NoiseFloor]:
-        """Errors of each intermediate model and the noise floor; in mm of depth if the depth error falls."""
+        """Return the errors of each intermediate model and the noise floor; in mm of depth if `in_metres`."""
         models = [("nominal", self.before), *((f"+ {t.score.label}", t.fit.world) for t, _ in self.state.steps)]
         if self.added and self.state.world != models[-1][1]:
             models[-1] = (f"+ {' + '.join(e.label for e in self.added)}", self.state.world)
         metres = self.in_metres
         unit = "mm RMS" if metres else f"{self.judged.unit} RMS"
-        both = [
-            [e.depth_error(w) if metres else e.errors([w])[0] for e in (self.evidence, self.judged)] for _, w in models
-        ]
-        rungs: list[Rung] = [
-            {"model": name, "fit_error": fit, "heldout_error": held, "unit": unit}
-            for (name, _), (fit, held) in zip(models, both, strict=True)
-        ]
+        rungs: list[Rung] = []
+        for name, world in models:
+            fit, held = (e.depth_error(world) if metres else e.errors([world])[0] for e in (self.evidence, self.judged))
+            rungs.append({"model": name, "fit_error": fit, "heldout_error": held, "unit": unit})
         floor = self.judged.depth_floor if metres else self.judged.floor
         return rungs, {"value": floor, "unit": unit, "from": self.evidence.floor_from}
 
     @property
     def fall(self) -> str:
-        """Text on the decrease of the held-out error."""
+        """Text on the change of the held-out error."""
         if self.in_metres:
             ends = [self.judged.depth_error(w) for w in (self.before, self.state.world)]
             return f"held-out depth moved from {ends[0]:.1f} to {ends[1]:.1f} mm off"
@@ -144,7 +148,7 @@ class Sensed:
         return {"channel": self.kind, "joint": cameras, "floor": floor, "before": before, "after": after, "unit": unit}
 
     def as_dict(self) -> dict:
-        """Return the record's entry: each figure's deviation in multiples of `ordinary`, before and after."""
+        """Return the record's entry: each figure's deviation in units of its `ordinary`, before and after."""
         before, after = (self.judged.off(w) for w in (self.before, self.state.world))
         figures = [{"figure": k, "before": round(v, 2), "after": round(after[k], 2)} for k, v in before.items()]
         return {"kind": self.kind, "figures": figures, "ladder": self.ladder()[0] if self.added else []}
@@ -165,10 +169,13 @@ def sensor_search(
         scene: the cell.
         sights: fitted and held-out.
         borders: evidence of the same two, with the aligned world.
-        world: the model; sensor effects in it are not searched again.
-        placed: the model with the effects found by borders.
+        world: the user's model; sensor effects in it are not searched again.
+        placed: the model with the effects found by borders, from which the frames are rendered.
         say: called with progress messages.
         progress: caches the result of each fit.
+
+    Returns:
+        A result for each kind of pictures of which both have enough.
     """
     cameras = list({s.camera.name: s.camera for some in sights for s in some}.values())
     out = []
@@ -184,10 +191,10 @@ def sensor_search(
         state = search.run(world)
         rivals = search.rivals(state, n_fixed)
         state, alike = in_parts(search, confirmed(search, state, n_fixed), n_fixed)
-        here = {e.label for e in state.world.effects}
-        rivals = [r for r in rivals if r.label in here]
-        hidden = search.shows_from(state)
-        out.append(Sensed(kind, state, rivals, evidence, judged, world, search.excitations(world), hidden, alike))
+        kept = {e.label for e in state.world.effects}
+        rivals = [r for r in rivals if r.label in kept]
+        excitations, shows_from = search.excitations(world), search.shows_from(state)
+        out.append(Sensed(kind, state, rivals, evidence, judged, world, excitations, shows_from, alike))
     return out
 
 
