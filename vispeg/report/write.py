@@ -33,9 +33,9 @@ def write_comparison(folder: Path, record: Mapping[str, object], arrays: Mapping
 
 def write_fit(folder: Path, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
     """Write `fit.json`, `report.html` and, if there are arrays, `evidence.npz` into an empty folder."""
-    write_json(folder / "fit.json", dict(record))
+    write_json(folder / "fit.json", record)
     if arrays:
-        _write_arrays(folder / "evidence.npz", dict(arrays))
+        _write_arrays(folder / "evidence.npz", arrays)
     write_report(folder)
 
 
@@ -45,13 +45,17 @@ def write_json(path: Path, record: Mapping[str, object]) -> None:
 
 
 def _write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    # arrays of the next motion stay float64: the difference of two similar predictions must not be rounding error
-    named = {k: v if k.startswith("next/") else _compact(v) for k, v in arrays.items()}
+    """Write arrays; those of float64 with two or more axes as float32, to save space.
+
+    Arrays of the next motion stay float64: the difference of two similar predictions must not be rounding error.
+    """
+    large = {k for k, v in arrays.items() if v.dtype == np.float64 and v.ndim > 1 and not k.startswith("next/")}
+    named = {k: v.astype(np.float32) if k in large else v for k, v in arrays.items()}
     np.savez_compressed(path, **named)  # pyright: ignore[reportArgumentType]  # no array is called allow_pickle
 
 
 def _write_motion(folder: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write the commanded motion as a table that `vispeg record --motion FILE` and a robot can replay."""
+    """Write the motion (s, rad, rad/s) as a table that `vispeg record --motion FILE` and a robot can replay."""
     folder.mkdir()
     joints = [str(j) for j in arrays["joints"]]
     columns = ["time", *(f"q_cmd.{j}" for j in joints), *(f"dq_cmd.{j}" for j in joints)]
@@ -59,13 +63,9 @@ def _write_motion(folder: Path, arrays: Mapping[str, np.ndarray]) -> None:
     np.savetxt(folder / "samples.csv", values, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
 
 
-def _compact(a: np.ndarray) -> np.ndarray:
-    return a.astype(np.float32) if a.dtype == np.float64 and a.ndim > 1 else a
-
-
 def finite(value: Any) -> Any:
-    """Return a value for JSON, with None in place of NaN and infinity, which JSON lacks."""
-    if isinstance(value, dict):
+    """Return a value of plain types for JSON, with None in place of NaN and infinity, which JSON lacks."""
+    if isinstance(value, Mapping):
         return {str(k): finite(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
         return [finite(v) for v in value]

@@ -12,7 +12,7 @@ from vispeg.core.errors import UserError
 JOINTS = ("revolute", "continuous", "prismatic", "fixed")
 LINKS = 1000  # greatest number of links, and of joints
 LARGEST = 1e6  # kg, m, kg m^2, rad: larger numbers are taken for mistakes
-NUMBERS = {
+NUMBERS = {  # tag -> attribute -> how many numbers it holds
     "origin": {"xyz": 3, "rpy": 3},
     "axis": {"xyz": 3},
     "mass": {"value": 1},
@@ -26,7 +26,13 @@ NUMBERS = {
 
 
 def check_urdf(root: ET.Element, path: Path) -> None:
-    """Raise UserError for a missing or repeated name, a joint type not in JOINTS, or an impossible number."""
+    """Check names, joint types and numbers below `<robot>`; `path` is the file, for the error.
+
+    Raises:
+        UserError: a missing or repeated name, more than `LINKS` links or joints, a joint type not in `JOINTS`, or an
+            impossible number: not as many as `NUMBERS` says, too large, an axis of length 0, inverted limits, or a
+            negative mass.
+    """
     for tag in ("link", "joint"):
         names: set[str] = set()
         for element in root.findall(tag):
@@ -45,12 +51,13 @@ def check_urdf(root: ET.Element, path: Path) -> None:
         _joint(joint, path)
     for link in root.findall("link"):
         mass = link.find("inertial/mass")
-        if mass is not None and float(mass.get("value") or 0) < 0:
+        if mass is not None and float(mass.get("value") or 0) < 0:  # that it is a number is checked above
             key = f"{link.get('name')}.mass"
             raise UserError("negative mass", file=path, key=key, expected="kg, zero or more", got=mass.get("value"))
 
 
 def _joint(joint: ET.Element, path: Path) -> None:
+    """Check a joint's type, axis and limits."""
     name, kind = joint.get("name"), joint.get("type")
     if kind == "floating":
         expected = 'a base that stands still: write type="fixed" where the arm is mounted'
@@ -58,8 +65,10 @@ def _joint(joint: ET.Element, path: Path) -> None:
     if kind not in JOINTS:
         raise UserError("a joint of an unknown type", file=path, key=name, got=kind, choices=JOINTS)
     axis = joint.find("axis")
-    if axis is not None and kind != "fixed" and math.hypot(*_numbers(axis, "xyz", 3, f"{name}.axis", path)) < 1e-6:
-        raise UserError("an axis without a direction", file=path, key=f"{name}.axis", got=axis.get("xyz"))
+    if axis is not None and kind != "fixed":
+        xyz = _numbers(axis, "xyz", 3, f"{name}.axis", path)
+        if xyz and math.hypot(*xyz) < 1e-6:
+            raise UserError("an axis without a direction", file=path, key=f"{name}.axis", got=axis.get("xyz"))
     limit = joint.find("limit")
     if limit is None:
         return
@@ -69,9 +78,10 @@ def _joint(joint: ET.Element, path: Path) -> None:
 
 
 def _numbers(element: ET.Element, key: str, count: int, where: str, path: Path) -> Sequence[float]:
+    """Return the `count` numbers of an attribute, empty if the element lacks it; `where` names it in errors."""
     text = element.get(key)
     if text is None:
-        return [1.0] * count if element.tag == "axis" else []
+        return []
     values = [_number(word, where, path) for word in text.split()]
     if len(values) != count:
         raise UserError("wrong count of numbers", file=path, key=where, expected=count, got=text)
@@ -81,6 +91,7 @@ def _numbers(element: ET.Element, key: str, count: int, where: str, path: Path) 
 
 
 def _number(text: str, where: str, path: Path) -> float:
+    """Return a number, which may be infinite."""
     try:
         value = float(text)
     except ValueError:

@@ -110,6 +110,10 @@ class Observation:
         terms: the task's terms.
         config: its settings.
 
+    Attributes:
+        terms: those that a task with these settings has.
+        policy, truth: of these, what policies observe, and the ground truth for teachers and critics.
+
     Raises:
         UserError: two terms of one name.
     """
@@ -141,24 +145,29 @@ class Observation:
     @property
     def for_teachers(self) -> tuple[int, ...]:
         """Indices of the ground truth that a teacher may see."""
-        return tuple(i for t in self.truth if t.to == "teacher" for i in _entries(self[t.name]))
+        places = [self[t.name] for t in self.truth if t.to == "teacher"]
+        return tuple(i for place in places for i in range(place.start, place.stop))
 
     def __contains__(self, name: str) -> bool:
         return name in self._places
 
     def __getitem__(self, name: str) -> slice:
-        """Return the slice of a term in the policy's part at one time step, or in the ground truth."""
+        """Return the slice of a term in the policy's part at one time step, or in the ground truth.
+
+        Raises:
+            UserError: no such term.
+        """
         if name not in self._places:
             raise UserError("no such observation term", got=name, choices=self._places)
         return self._places[name]
 
     def term(self, name: str) -> Term:
-        """Return the term of that name. Raises UserError that lists the choices."""
-        self[name]
+        """Return the term of that name. Raises UserError: no such term."""
+        self[name]  # raises
         return next(t for t in self.terms if t.name == name)
 
     def read(self, sim: Simulation, terms: Sequence[Term]) -> np.ndarray:
-        """Return the scaled values of these terms, (nsim, d), with their noise."""
+        """Return the scaled values of at least one term side by side, (nsim, sum of lengths), with their noise."""
         noisy = _noise(sim)
         parts = [scaled((t,), sim.seen if t.to == POLICY else sim, noisy) for t in terms]
         return np.concatenate(parts, axis=1)
@@ -175,10 +184,6 @@ def _noise(sim: Simulation) -> Callable[[Term, np.ndarray], np.ndarray]:
         return value + term.noise * np.stack(drawn)
 
     return noisy
-
-
-def _entries(place: slice) -> range:
-    return range(place.start, place.stop)
 
 
 __all__ = ["LIMIT", "MEASURED", "POLICY", "PRIVILEGED", "Observation", "Simulation", "Term"]

@@ -48,10 +48,11 @@ def measure_zeros(
         tool: known if the poses are those of the flange; otherwise the tip's frame on the flange is found.
         orientation: meaning of three angles: a rotation vector, or turns about fixed (URDF's rpy) or moving axes;
             default: the interpretation that fits the data.
-        settings: conditions, overwrite.
+        settings: only `conditions` and `overwrite` are used.
 
     Raises:
-        UserError: no such table, too few poses, units that the data do not determine, or `out` exists.
+        UserError: no such table or robot, a table without poses or without the robot's joints, too few poses or ones
+            that do not determine the frames, units that neither header nor data determine, or `out` exists.
     """
     settings = settings or MeasureSettings()
     path, robot = Path(table), placed_robot(robot)
@@ -90,11 +91,15 @@ def _poses(way: Readings) -> Poses:
 def _numbers(
     found: Zeros, joints: Sequence[str], count: int, base_known: bool, tool_known: bool
 ) -> tuple[list[Quantity], list[EffectInstance]]:
-    """Return the offsets and the positions of the frames as quantities, and the offsets as effects."""
-    untold = {c.joint for c in found.confounded}
+    """Return the offsets and the positions of the frames as quantities, and the offsets as effects.
+
+    Offsets that are not identified are left out; ones beyond the effect's bounds are no effects. `count` is the number
+    of poses.
+    """
+    confounded = {c.joint for c in found.confounded}
     results, effects = [], []
     for j, joint in enumerate(joints):
-        if j in untold:
+        if j in confounded:
             continue
         quantity = _quantity(f"offset_{joint}", found.offset[j], "rad", found.u["offset"][j], found.dof, count)
         results.append(quantity)
@@ -110,16 +115,23 @@ def _numbers(
 
 
 def _quantity(name: str, value: float, unit: str, u: float, dof: int, count: int) -> Quantity:
+    """Return a quantity with its 95 % interval; `u` is its standard uncertainty with `dof` degrees of freedom."""
     half = float(half_width(np.array(u), dof))
     k = half / u if u > 0 else 0.0
     return Quantity(name, float(value), unit, float(u), dof, k, value - half, value + half, "gum", (), count)
 
 
 def _details(found: Zeros, base_known: bool, tool_known: bool) -> dict[str, Any]:
-    """Return the complete frames with intervals, and the remaining errors."""
+    """Return the frames that were not known with 95 % half widths, m and rad, and the RMS residuals.
+
+    From positions alone the tool's orientation is not determined, so it is left out.
+    """
     out: dict[str, Any] = {"error_mm": 1e3 * found.error_m}
     out |= {} if found.error_rad is None else {"error_deg": float(np.degrees(found.error_rad))}
-    for name, pose, known in (("base", found.base, base_known), ("tool", found.tool, tool_known)):
+    for name, key, pose, known in (
+        ("base", "world_T_base", found.base, base_known),
+        ("tool", "flange_T_tip", found.tool, tool_known),
+    ):
         if known:
             continue
         half = half_width(found.u[name], found.dof)
@@ -128,11 +140,12 @@ def _details(found: Zeros, base_known: bool, tool_known: bool) -> dict[str, Any]
         if turned:
             frame["quat_wxyz"] = quaternion(pose[:3, :3]).tolist()
         frame["half_width_95"] = {"pos_m": half[:3].tolist()} | ({"turn_rad": half[3:].tolist()} if turned else {})
-        out[f"world_T_{name}" if name == "base" else "flange_T_tip"] = frame
+        out[key] = frame
     return out
 
 
 def _notes(found: Zeros, way: Readings, joints: Sequence[str], path: Path) -> list[str]:
+    """Return lines on the choices made, the residuals, and on joints and rows that deserve a look."""
     out = [f"taken as {', '.join(way.said)}: the header leaves it open, and no other reading fits"] if way.said else []
     left = f"left are {1e3 * found.error_m:.3g} mm an axis"
     left += "" if found.error_rad is None else f" and {np.degrees(found.error_rad):.2g} degrees"

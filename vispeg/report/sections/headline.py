@@ -25,10 +25,11 @@ def context(record: Record) -> Mapping[str, object]:
     first, last, unit = words.ladder_ends(values)
     floor = record.mapping("noise_floor")
     name, against = words.error_name(values), words.against_floor(last, record.floor)
-    figures = [(name, quantity(last, unit), against)]
     if len(record.rows("ladder")) > 1:
-        name = name[0].lower() + name[1:]
-        figures = [("Before", quantity(first, unit), name), ("After", quantity(last, unit), against or name)]
+        note = name[0].lower() + name[1:]
+        figures = [("Before", quantity(first, unit), note), ("After", quantity(last, unit), against or note)]
+    else:
+        figures = [(name, quantity(last, unit), against)]
     if record.floor is not None:
         figures.append(("Noise floor", quantity(record.floor, str(floor.get("unit") or unit)), _source(floor)))
     return {
@@ -72,14 +73,14 @@ def _marks(record: Record) -> list[dict[str, str]]:
             continue
         x, y = places.get(str(effect.get("where"))) or (None, None)
         if x is not None and y is not None:
-            left, top = _beside(x, y, taken[x, y])
+            left, top = _mark_place(x, y, taken[x, y])
             taken[x, y] += 1
             marks.append({"words": effect_words.sized(effect), "x": f"{100 * left:.1f}", "y": f"{100 * top:.1f}"})
     return marks
 
 
-def _beside(x: float, y: float, k: int) -> tuple[float, float]:
-    """Return the place of mark number `k` at a joint at (x, y).
+def _mark_place(x: float, y: float, k: int) -> tuple[float, float]:
+    """Return the place of mark number `k`, from 0, of a joint at (x, y), in widths and heights of the picture.
 
     Marks of one joint stand side by side up to the picture's right edge, then in rows towards its middle.
     """

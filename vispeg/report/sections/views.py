@@ -12,6 +12,7 @@ from vispeg.report.record import Record, data_link
 from vispeg.report.text.camera_words import confounded
 
 TITLE = "Pictures, measured and rendered"
+VIEWS = 8  # most views that are shown
 SHOWN = 4.0  # factor by which displacements are drawn enlarged
 DARK, LIGHT = (216, 27, 96), (0, 150, 136)  # colours of edges before and after
 LEAST = 0.5  # px, smallest displacement drawn as a line
@@ -27,7 +28,7 @@ def context(record: Record) -> Mapping[str, object] | None:
     arrays = record.evidence.views
     return {
         "values": values,
-        "rows": [row for k in range(8) if (row := _row(arrays, f"view/{k}/"))],
+        "rows": [row for k in range(VIEWS) if (row := _row(arrays, f"view/{k}/"))],
         "maps": _maps(values, arrays),
         "alike": confounded(values),
         "sensor": _sensor(values),
@@ -47,6 +48,7 @@ def _sensor(values: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def _row(arrays: Mapping[str, np.ndarray], name: str) -> Mapping[str, object] | None:
+    """Return title, colour and depth pictures of the view whose arrays' keys begin with `name`; None without it."""
     if name + "measured" not in arrays:
         return None
     measured = arrays[name + "measured"]
@@ -74,7 +76,19 @@ def _row(arrays: Mapping[str, np.ndarray], name: str) -> Mapping[str, object] | 
 def _drawn(
     measured: np.ndarray, arrays: Mapping[str, np.ndarray], name: str, word: str, colour: tuple[int, int, int]
 ) -> np.ndarray:
-    """Draw on the pale measured image a line from each border point to its edge, `SHOWN` times as long."""
+    """Draw on the pale measured image a line from each border point to its edge, `SHOWN` times as long.
+
+    Args:
+        measured: (H, W, 3) uint8.
+        arrays: with `pixel` (n, 2) px, `normal` (n, 2) and `along_{word}` (n,) px, the edge along the normal.
+            A point within `LEAST` of its edge is drawn as a dot, and so is one without an edge (NaN).
+        name: what the arrays' keys begin with.
+        word: the model, `before` or `after`.
+        colour: of the lines.
+
+    Returns:
+        (k H, k W, 3) uint8, enlarged by a whole number k to about 640 px.
+    """
     import cv2
 
     scale = max(1, round(640 / measured.shape[1]))
@@ -82,9 +96,7 @@ def _drawn(
     pale = cv2.cvtColor((128 + grey // 2).astype(np.uint8), cv2.COLOR_GRAY2RGB)
     out = cv2.resize(pale, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
     along = np.nan_to_num(arrays[name + f"along_{word}"])
-    edges = arrays[name + "pixel"] + 0.0
-    normal = arrays[name + "normal"]
-    for at, n, off in zip(edges, normal, along, strict=True):
+    for at, n, off in zip(arrays[name + "pixel"], arrays[name + "normal"], along, strict=True):
         start = tuple(int(round(v)) for v in scale * at)
         end = tuple(int(round(v)) for v in scale * (at + SHOWN * off * n))
         if abs(off) > LEAST:
@@ -95,7 +107,10 @@ def _drawn(
 
 
 def _difference(measured: np.ndarray, modelled: np.ndarray) -> np.ndarray:
-    """Draw a depth difference (H, W, 3) uint8: red if measured is farther, blue if nearer, yellow if one is missing."""
+    """Draw the difference of two depths (H, W) m: red if measured is farther, blue if nearer, yellow if one is missing.
+
+    Returns (H, W, 3) uint8.
+    """
     both = (measured > 0) & (modelled > 0)
     share = np.clip(1000 * np.where(both, measured - modelled, 0) / AWAY, -1, 1)
     out = np.full((*measured.shape, 3), 245, np.float32)
@@ -106,6 +121,7 @@ def _difference(measured: np.ndarray, modelled: np.ndarray) -> np.ndarray:
 
 
 def _maps(values: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> list[Mapping[str, Any]]:
+    """Return for each camera and distance the row of the record, and as `svg` how the found effects shift its image."""
     out = []
     for k, row in enumerate(values.get("projection") or []):
         if f"projection/{k}/shift" not in arrays or not (row["rms_px"] or row["uncertainty_px"]):
@@ -132,6 +148,7 @@ def _maps(values: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> list[M
 
 
 def _png(image: np.ndarray) -> str:
+    """Return an RGB image (H, W, 3) uint8 as a data link."""
     import cv2
 
     return data_link(cv2.imencode(".png", np.ascontiguousarray(image[..., ::-1]))[1].tobytes())

@@ -25,7 +25,10 @@ GROUP_WORDS = {
 
 
 def places(kind: Effect, robot: Any) -> str:
-    """Return the places where an effect can act, in short: `joint1 ... joint7, all`."""
+    """Return the places of an effect in short: `joint1 ... joint7, all`, where `all` is every one of them at once.
+
+    `robot` is the arm or the cell whose joints, links or parts are its places; so it is below.
+    """
     targets = kind.targets(robot)
     if len(targets) == 1:
         return targets[0]
@@ -71,7 +74,7 @@ def describe(kind: Effect, robot: Any) -> EffectEntry:
 
 
 def print_catalogue(kinds: Sequence[Effect], models: Sequence[Any]) -> None:
-    """Print the effects by family, each with summary, places, and parameters with bounds and null value."""
+    """Print effects by family, each with summary, places in its entry of `models`, and `bounds` of its parameters."""
     from rich.text import Text
 
     console = terminal()
@@ -88,7 +91,7 @@ def print_catalogue(kinds: Sequence[Effect], models: Sequence[Any]) -> None:
             for name, p in kind.params.items():
                 text.append(f"{_block(f'{name}: {bounds(p)}', width, 4)}\n")
         text.append("\n")
-    text.right_crop(2)
+    text.right_crop(2)  # the empty line after the last group, and the end of line that `print` adds
     console.print(text)
 
 
@@ -122,7 +125,10 @@ def print_effect(kind: Effect, robot: Any) -> None:
 
 
 def bounds(p: Param) -> str:
-    """Return a parameter's bounds and null value: `0 to 30 N m, null 0`; a shape parameter has no null value."""
+    """Return a parameter's bounds, null value and meaning: `0 to 30 N m, null 0: dry friction torque`.
+
+    A shape parameter, which has no null value, has `shape` instead.
+    """
     null = "shape" if p.shape else f"null {p.null:g}"
     return f"{p.low:g} to {p.high:g} {unit(p.unit)}".rstrip() + f", {null}" + (f": {p.doc}" if p.doc else "")
 
