@@ -25,7 +25,7 @@ GROUP_WORDS = {
 
 
 def places(kind: Effect, robot: Any) -> str:
-    """Return the places of an effect in short: `joint1 ... joint7, all`, where `all` is every one of them at once.
+    """Return the places of an effect in short: `joint1 ... joint7, all`; at `all` they share one value.
 
     `robot` is the arm or the cell whose joints, links or parts are its places; so it is below.
     """
