@@ -12,7 +12,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.loops.soft import as_asked, without_drift
+from vispeg.identify.loops.soft import as_torque_controlled, without_drift
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import load
 from vispeg.sim.compiled import nominal_of
@@ -34,11 +34,11 @@ def test_what_the_law_asks_for_is_what_the_drives_got():
     rec = recorded(ROBOT, "iiwa14", TILTED, SEGMENT, stream(2, "quiet"))
     rec = replace(rec, q=y.q[0], dq=y.dq[0])
     weight = nominal_of(ROBOT, len(rec.q)).gravity(rec.q)
-    asked = as_asked(rec, ROBOT).tau_cmd
+    asked = as_torque_controlled(rec, ROBOT).tau_cmd
     assert asked is not None
     np.testing.assert_allclose((asked + weight)[1:-1], y.tau_motor[0][2:], atol=1e-9)
     limit = np.full(7, 5.0)
-    cut = as_asked(replace(rec, control=replace(rec.control, torque_limit=limit)), ROBOT).tau_cmd
+    cut = as_torque_controlled(replace(rec, control=replace(rec.control, torque_limit=limit)), ROBOT).tau_cmd
     np.testing.assert_allclose(cut + weight, np.clip(asked + weight, -5.0, 5.0), atol=1e-9)
 
 
@@ -62,7 +62,7 @@ def test_a_model_that_stays_near_keeps_its_loop(tilted):
 def test_a_missing_reading_gives_no_torque(tilted):
     q = tilted.q.copy()
     q[7, 3] = np.nan
-    asked = as_asked(replace(tilted, q=q), ROBOT).tau_cmd
+    asked = as_torque_controlled(replace(tilted, q=q), ROBOT).tau_cmd
     assert asked is not None and np.isnan(asked[7]).all() and np.isfinite(asked[20:]).all()
 
 
@@ -70,7 +70,9 @@ def test_a_missing_reading_changes_no_torque_around_it(tilted):
     """Without recorded velocities, which are differentiated from the angles; the greatest torque is some 20 N m."""
     q = tilted.q.copy()
     q[500] = np.nan
-    whole, gapped = (as_asked(replace(tilted, q=angles, dq=None), ROBOT).tau_cmd for angles in (tilted.q, q))
+    whole, gapped = (
+        as_torque_controlled(replace(tilted, q=angles, dq=None), ROBOT).tau_cmd for angles in (tilted.q, q)
+    )
     assert whole is not None and gapped is not None
     rest = np.arange(len(q)) != 500
     np.testing.assert_allclose(gapped[rest], whole[rest], atol=1.0)

@@ -17,7 +17,7 @@ from vispeg.control.laws import position
 from vispeg.core.effect import effect
 from vispeg.identify.inverse import MOTION_HZ, TorqueEvidence, long_runs, rigid_body
 from vispeg.identify.loops.runaway import without_runaway
-from vispeg.identify.loops.soft import as_asked
+from vispeg.identify.loops.soft import as_torque_controlled
 from vispeg.identify.nominal import nominal_robot, robot_of
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.noise import noise_of
@@ -48,7 +48,7 @@ def sent(rec: Recording, robot: RobotModel) -> np.ndarray | None:
         speed = smooth(rec.time, rec.q, SPEED_HZ, rec.episode)[1] if rec.dq is None else rec.dq
         tau = position(rec.q_cmd, goal, rec.q, speed, c.kp, c.kd)
     elif c.mode == "osc" and rec.ee_cmd is not None:
-        tau = as_asked(rec, robot).tau_cmd
+        tau = as_torque_controlled(rec, robot).tau_cmd
     else:
         return None
     if tau is None:
