@@ -11,7 +11,7 @@ import yaml
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
-from vispeg.core.params import Value
+from vispeg.core.params import Param, Value
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import is_file
 from vispeg.formats.typed import typed
@@ -25,7 +25,8 @@ from vispeg.worlds.world import World
 FORMAT = "vispeg-model/1"
 MODEL = Format(FORMAT, "a model", keys=("robot", "tool", "cell", "effects"))
 ENTRY = ("effect", "where", "params", "partial", "tentative", "origin")  # keys of one effect
-MARKS = ("partial", "tentative")
+MARKS = ("partial", "tentative")  # those that are true or false
+DEFAULT = "iiwa14"  # robot of a file that states neither robot nor cell
 
 
 class Plain(yaml.SafeDumper):
@@ -57,39 +58,59 @@ def load_model(source: str | Path) -> World:
     text = str(source)
     path = Path(text)
     if text == OPEN_CELL:
-        return World("iiwa14", tools.CELL, cell=CellBelief(OPEN_CELL))
+        return World(DEFAULT, tools.CELL, cell=CellBelief(OPEN_CELL))
     if path.suffix.lower() not in (".yaml", ".yml"):
         return World(robot=text)
     data = MODEL.read(path)
-    robot = data.get("robot", "iiwa14")
-    if not isinstance(robot, str) or not robot:
-        raise UserError("wrong robot", file=path, key="robot", expected="a name or a path", got=robot)
-    beside = path.parent / robot
-    if Path(robot).suffix and not Path(robot).is_absolute() and is_file(beside):
-        robot = str(beside)
-    entries = data.get("effects") or []
-    if not isinstance(entries, list):
-        raise UserError("wrong effects", file=path, key="effects", expected="a list", got=type(entries).__name__)
+    effects = _effects(data, path)
     tool = data.get("tool")
     if tool is not None and not isinstance(tool, str | Mapping):
         raise UserError("wrong tool", file=path, key="tool", expected="none, a name or a mapping", got=tool)
-    effects = tuple(read_placed(entry, path, f"effects[{i}]") for i, entry in enumerate(entries))
+    belief = _belief(data, path)
+    robot = _robot(data, belief, path)
+    check_name(robot, path, "robot")
+    return World(robot, None if tool in (None, "none") else tool, effects, belief)
+
+
+def _effects(data: Mapping[str, Any], file: Path) -> tuple[EffectInstance, ...]:
+    """Read the key `effects`. Raises UserError: it is no list, or an entry is wrong or given twice."""
+    entries = data.get("effects") or []
+    if not isinstance(entries, list):
+        raise UserError("wrong effects", file=file, key="effects", expected="a list", got=type(entries).__name__)
+    effects = tuple(read_placed(entry, file, f"effects[{i}]") for i, entry in enumerate(entries))
     earlier = set()
     for i, e in enumerate(effects):
         if (e.effect, e.where) in earlier:
-            raise UserError(f"{e.label} is given twice", file=path, key=f"effects[{i}]")
+            raise UserError(f"{e.label} is given twice", file=file, key=f"effects[{i}]")
         earlier.add((e.effect, e.where))
+    return effects
+
+
+def _belief(data: Mapping[str, Any], file: Path) -> CellBelief | None:
+    """Read the key `cell`; None without a task's cell. Raises UserError: a wrong cell, or one with a board."""
     stated = data.get("cell")
-    belief = cell(None if stated is None else typed(CellOf, {"cell": stated}, path).cell, path)
-    if belief is not None and belief.bench:
-        if belief.board:
-            raise UserError("is stated by the recordings", file=path, key="cell.board", expected="no board in a model")
-        belief = None  # the bench of the robot's own file needs no statement in the model
-    if "robot" not in data and belief is not None:  # the cell's robot, if the cell names one
+    belief = cell(None if stated is None else typed(CellOf, {"cell": stated}, file).cell, file)
+    if belief is None or not belief.bench:
+        return belief
+    if belief.board:
+        raise UserError("is stated by the recordings", file=file, key="cell.board", expected="no board in a model")
+    return None  # the bench of the robot's own file needs no statement in the model
+
+
+def _robot(data: Mapping[str, Any], belief: CellBelief | None, file: Path) -> str:
+    """Return the robot that the file states, else its cell's, else the default; "" if the cell's world determines it.
+
+    Raises:
+        UserError: it is no text.
+    """
+    if "robot" not in data and belief is not None:
         named = belief.robot.get("model") if isinstance(belief.robot, Mapping) else belief.robot
-        robot = str(named or (robot if not belief.world or belief.open else ""))
-    check_name(robot, path, "robot")
-    return World(robot, None if tool in (None, "none") else tool, effects, belief)
+        return str(named or ("" if belief.world and not belief.open else DEFAULT))
+    robot = data.get("robot", DEFAULT)
+    if not isinstance(robot, str) or not robot:
+        raise UserError("wrong robot", file=file, key="robot", expected="a name or a path", got=robot)
+    beside = file.parent / robot
+    return str(beside) if Path(robot).suffix and not Path(robot).is_absolute() and is_file(beside) else robot
 
 
 def read_placed(entry: Any, file: Path, key: str) -> EffectInstance:
@@ -118,7 +139,12 @@ def read_placed(entry: Any, file: Path, key: str) -> EffectInstance:
     return EffectInstance(kind.name, where, params, dict(origin) if isinstance(origin, Mapping) else {}, **marks)
 
 
-def _value(value: Any, param: Any, file: Path, key: str) -> Value:
+def _value(value: Any, param: Param, file: Path, key: str) -> Value:
+    """Read a parameter's value: a number, or a mapping with value, low, high and unit.
+
+    Raises:
+        UserError: another unit, a part that is no finite number, a value out of bounds, or an inverted interval.
+    """
     raw = value if isinstance(value, Mapping) else {"value": value}
     unit = raw.get("unit", param.unit)
     if unit != param.unit:
