@@ -50,7 +50,7 @@ class Alone(Search):
     tried: EffectInstance | None = None
     rejected = ""
 
-    def step_at(self, state, n_fixed, places, missing, tested, groups=(), several=False):
+    def try_places(self, state, n_fixed, places, missing, tested, groups=(), several=False):
         """Try the effect."""
         if self.tried is None:
             return []
@@ -62,7 +62,7 @@ class Alone(Search):
 def test_a_servo_and_a_limit_are_found_together_where_nothing_passes_alone(search):
     search = Alone(search.evidence, search.judge)
     state = search.start(World(pendulum().source))
-    best, *_ = search.step(state, 0)
+    best, *_ = search.offers(state, 0)
     assert not best.rejected and {e.effect for e in best.score.members} == {"servo", "goal_rate_limit"}
     assert best.score.label.endswith("(hinge)") and search.judge.mean(best.loss) < 1.2
     placed = {e.effect: e for e in best.fit.world.effects}
@@ -123,7 +123,7 @@ def test_behind_a_limit_at_its_bound_stands_what_every_arm_has(driven):
     search = Alone(driven.evidence, driven.judge)
     search.tried = STUCK
     state = search.start(World(pendulum().source))
-    best, *_ = search.step(state, 0)
+    best, *_ = search.offers(state, 0)
     assert not best.rejected and {e.effect for e in EVERY_ARM_HAS} <= {e.effect for e in best.score.members}
     assert best.gain.relative > 0.99
     found = {e.effect: e for e in best.fit.world.effects}
@@ -136,7 +136,7 @@ def test_it_is_not_asked_for_where_nothing_passes_at_a_bound(driven):
     search = Alone(driven.evidence, driven.judge)
     search.tried = STUCK
     search.rejected = "refused"
-    kinds = [{e.effect for e in t.score.members} for t in search.step(search.start(World(pendulum().source)), 0)]
+    kinds = [{e.effect for e in t.score.members} for t in search.offers(search.start(World(pendulum().source)), 0)]
     assert all("joint_bias" not in names for names in kinds)
 
 

@@ -85,7 +85,7 @@ class Told(Search):
         super().__init__(evidence, judge)
         self.alone, self.several, self.asked = alone, several, []
 
-    def step_at(self, state, n_fixed, places, missing, tested, groups=(), several=False):
+    def try_places(self, state, n_fixed, places, missing, tested, groups=(), several=False):
         """Say what was asked for: whether places, the effects of the groups, and whether several at once."""
         self.asked.append((bool(places), {name for group in groups for name, _ in group}, several))
         return [self.several if several else self.alone]
@@ -175,7 +175,7 @@ def test_several_are_tried_at_a_time_where_one_joint_comes_first_and_its_best_is
     alone, rest = trial("torque_speed_limit", remains, at_bound), trial("coulomb_friction", 100.0)
     search = Told(evidence(), judge(), alone, rest)
     world = World(evidence().recordings[0].robot)
-    first = search.step(State(world, lost(1e3), np.zeros(evidence().length)), 0)[0]
+    first = search.offers(State(world, lost(1e3), np.zeros(evidence().length)), 0)[0]
     assert first is (rest if at_bound or remains > 100.0 else alone)
     again = at_bound or remains > 2.0
     assert search.asked[0] == (True, set(), False)
@@ -183,7 +183,7 @@ def test_several_are_tried_at_a_time_where_one_joint_comes_first_and_its_best_is
     assert not again or (search.asked[1][0] is False and search.asked[1][2])
     assert not again or "coulomb_friction" in search.asked[1][1]
     search.asked.clear()
-    search.step(State(world, lost(1e3), np.zeros(evidence().length), fit=rest.fit), 0)
+    search.offers(State(world, lost(1e3), np.zeros(evidence().length), fit=rest.fit), 0)
     assert [several for *_, several in search.asked] == [True], "beside a fit, several are tried from the first"
 
 

@@ -97,7 +97,7 @@ class ContactSearch(Search):
         """Return whether the search may add an effect: until there are `most_effects`, even at the noise floor.
 
         The floors include errors that a good sensor does not have, so a residual below them may still show an effect.
-        An uncertain effect is refused in `step`.
+        An uncertain effect is refused in `offers`.
         """
         return len(state.world.effects) - n_fixed < self.evidence.most_effects
 
@@ -165,7 +165,7 @@ class ContactSearch(Search):
             self.lately = dict(zip((w.label for w in worlds), super().reduced(worlds, n_fixed), strict=True))
         return [self.lately[w.label] for w in worlds]
 
-    def step(self, state: State, n_fixed: int) -> list[Trial]:
+    def offers(self, state: State, n_fixed: int) -> list[Trial]:
         """Screen the library, fit the best effects and, if none of them reaches the floor, their pairs."""
         scores, tested = self.scored(state), self.tested(state)
         promise = promises(self.probed(state.world, places(self.evidence, state.world)))

@@ -29,44 +29,55 @@ STAGES = ("goal", "regulate", "drive")  # hooks of a joint's drive: two effects 
 def pairs(search: Searching, state: State, missing: Sequence[MissingTorque]) -> list[Score]:
     """Return pairs of distant effects in the joint that misses most torque, best first; the answer is stored.
 
-    For each guess of the first effect only the best guess of the second is kept, and of pairs with nearly the same
-    values only the best. `missing` is the missing torque of each fitted item.
+    The gain of a pair is that at its start values. `missing` is the missing torque of each fitted item.
     """
-    evidence, joints = search.evidence, search.evidence.items[0].robot.joints
-    worst = int(np.argmax(joint_z(missing)))
+    evidence, joint = search.evidence, _worst(search, missing)
 
     def work_out() -> list:
-        data, out = joint_data(missing, evidence.items), []
-        for kinds in _kinds(search, state, joints[worst]):
-            a, b = (guessed(kind.name, joints[worst], evidence.items[0], data) for kind in kinds)
-            tried = [(first, second) for first in a for second in b]
-            squared = [float(r @ r) for r in evidence.each_residual([state.world.add(*both) for both in tried])]
-            best = [min(range(i, i + len(b)), key=squared.__getitem__) for i in range(0, len(tried), max(len(b), 1))]
-            apart: list[int] = []
-            for k in sorted(best, key=squared.__getitem__):
-                apart += [] if any(_alike(tried[k], tried[other]) for other in apart) else [k]
-            out += [
-                [[_values(e) for e in tried[k]], float(state.residual @ state.residual) - squared[k]] for k in apart
-            ]
-        return sorted(out, key=lambda row: -row[1])
+        data, rows = joint_data(missing, evidence.items), []
+        before = float(state.residual @ state.residual)
+        for kinds in _kinds(search, state, joint):
+            first, second = (guessed(kind.name, joint, evidence.items[0], data) for kind in kinds)
+            starts = [(a, b) for a in first for b in second]
+            squared = [float(r @ r) for r in evidence.each_residual([state.world.add(*start) for start in starts])]
+            for k in _best(starts, squared, len(second)):
+                rows.append([[_values(e) for e in starts[k]], before - squared[k]])
+        return sorted(rows, key=lambda row: -row[1])
 
-    rows = search.progress.recall(["pairs", model_text(state.world), joints[worst]], work_out)
     out = []
-    for members, gain in rows:
-        first, second = (EffectInstance.of(name, joints[worst], **values) for name, values in members)
+    for members, gain in search.progress.recall(["pairs", model_text(state.world), joint], work_out):
+        first, second = (EffectInstance.of(name, joint, **values) for name, values in members)
         out.append(Score(first, gain, (second,)))
     return [s for s in out if s.gain > 0]
 
 
-def all_common(search: Searching, state: State, missing: Sequence[MissingTorque]) -> list[Score]:
-    """Return as one group the effects that every arm has and the world lacks in the joint that misses most torque.
+def _worst(search: Searching, missing: Sequence[MissingTorque]) -> str:
+    """Return the joint that misses most torque, in multiples of its noise."""
+    return search.evidence.items[0].robot.joints[int(np.argmax(joint_z(missing)))]
 
-    Empty if there is only one.
+
+def _best(starts: Sequence[Sequence[EffectInstance]], squared: Sequence[float], count: int) -> list[int]:
+    """Return the indices of the pairs to fit, by their squared residuals.
+
+    For each guess of the first effect only the best of `count` guesses of the second is kept, and of pairs with nearly
+    the same values only the best. `starts` are in the order of the first effect's guesses.
     """
-    joints = search.evidence.items[0].robot.joints
-    worst = joints[int(np.argmax(joint_z(missing)))]
-    places = [(name, where) for name, where in candidates(search.evidence, state.world, [worst]) if where == worst]
-    group = [(name, where) for name, where in places if effect(name).common]
+    best = [min(range(i, i + count), key=squared.__getitem__) for i in range(0, len(starts), max(count, 1))]
+    out: list[int] = []
+    for k in sorted(best, key=squared.__getitem__):
+        if not any(_same_start(starts[k], starts[other]) for other in out):
+            out.append(k)
+    return out
+
+
+def all_common(search: Searching, state: State, missing: Sequence[MissingTorque]) -> list[Score]:
+    """Return the score of all effects together that every arm has and the world lacks in the joint that misses most.
+
+    Empty if there is only one such effect (`Effect.common`).
+    """
+    worst = _worst(search, missing)
+    lacking = candidates(search.evidence, state.world, [worst])
+    group = [(name, where) for name, where in lacking if where == worst and effect(name).common]
     return search.screened(state.world, state.residual, state.fit, [], missing, [group]) if len(group) > 1 else []
 
 
@@ -80,14 +91,16 @@ def _kinds(search: Searching, state: State, joint: str) -> Iterator[tuple[Effect
 
 
 def _stages(kind: Effect) -> set[str]:
+    """Return the stages of a joint's drive that an effect changes."""
     return {stage for stage in STAGES if kind.overrides(stage)}
 
 
-def _alike(a: Sequence[EffectInstance], b: Sequence[EffectInstance]) -> bool:
-    """Return whether two starts are so close that their fits end at the same optimum."""
+def _same_start(a: Sequence[EffectInstance], b: Sequence[EffectInstance]) -> bool:
+    """Return whether two starts of the same effects are so close that their fits end at the same optimum."""
     both = [(v.value, y.params[name].value) for x, y in zip(a, b, strict=True) for name, v in x.params.items()]
     return all(abs(v - w) <= RULES.same_start * max(abs(v), abs(w)) for v, w in both)
 
 
 def _values(placed: EffectInstance) -> list:
+    """Return an effect without its place as plain JSON data."""
     return [placed.effect, {k: v.value for k, v in placed.params.items()}]

@@ -33,19 +33,19 @@ from vispeg.worlds.world import World
 
 
 class Search(Loop, Shown, Proposals):
-    """The discovery loop over fitted evidence and a held-out judge.
+    """The search for missing effects of joints; see `Searching` for its terms.
 
     Args:
-        evidence, judge: fitted, and of the held-out recordings.
+        evidence: of the fitted recordings.
+        judge: on the held-out recordings.
         say: called with progress messages.
         progress: caches answers.
-        proposed: gives the effects that the torques propose (`proposal`); several are one candidate of the first step.
-    """
+        proposed: returns the effects that the torques propose (`vispeg.diagnosis.proposal`); several are one candidate
+            of the first step.
 
-    @property
-    def few(self) -> int:
-        """Largest number of effects for which the whole library is screened for competitors of each."""
-        return RULES.rivals_full
+    Attributes:
+        least_share: see `Testing`.
+    """
 
     def __init__(
         self,
@@ -59,17 +59,26 @@ class Search(Loop, Shown, Proposals):
         self.say, self.proposed = say, proposed
         self.least_share = RULES.later
 
+    @property
+    def few(self) -> int:
+        """Largest number of effects for which the whole library is screened for competitors of each."""
+        return RULES.rivals_full
+
     def ways(self) -> Sequence[Callable[[State, int], bool]]:
         """Return the moves of the search: adding an effect, then revisions of the accepted ones."""
         return self.advance, partial(refined, self), partial(remove_aliases, self), partial(gathered, self)
 
     def start(self, world: World, n_fixed: int | None = None) -> State:
-        """Return the state at which a search begins; open effects of `world` after the first `n_fixed` are refitted."""
+        """Return the state at which a search begins; effects of `world` after the first `n_fixed` are refitted.
+
+        If `n_fixed` is None, none is refitted.
+        """
         residual, loss = self.evidence.residuals([world])[0], self.judge.losses([world])[0]
         state = State(world, loss, residual, first=self.judge.mean(loss))
         if n_fixed is not None and n_fixed < len(world.effects):
             self.say(f"fitting {len(world.effects) - n_fixed} partial effects of the model anew")
-            fits = self.fits([world], n_fixed) + self.fits([world], n_fixed, iterations=1)  # and at their given values
+            # one iteration evaluates the given values, which are kept if the held-out recordings prefer them
+            fits = self.fits([world], n_fixed) + self.fits([world], n_fixed, iterations=1)
             losses = self.judge.losses([f.world for f in fits])
             fit, loss = min(zip(fits, losses, strict=True), key=lambda p: float(p[1].sum()))
             state.take(fit, loss)
@@ -81,10 +90,6 @@ class Search(Loop, Shown, Proposals):
     def announce(self, state: State) -> None:
         """Report the model and its held-out error."""
         self.say(f"{state.world.label}: held-out {floors(self.judge.mean(state.loss))} x noise; screening")
-
-    def offers(self, state: State, n_fixed: int) -> list[Trial]:
-        """Return the trials of `step`."""
-        return self.step(state, n_fixed)
 
     def settle(self, state: State, trial: Trial, before: State, n_fixed: int) -> None:
         """Remove group members without effect, replace a single effect by a richer one if better, then prune."""
@@ -100,42 +105,42 @@ class Search(Loop, Shown, Proposals):
         enough = excess > RULES.at_floor - 1.0 and (state.fit is None or excess > self.least_share * state.scale)
         return enough and super().worth_it(state, n_fixed)
 
-    def step(self, state: State, n_fixed: int) -> list[Trial]:
+    def offers(self, state: State, n_fixed: int) -> list[Trial]:
         """Screen the library against the state, fit and judge the best candidates; those that pass come first.
 
-        The candidates are tried in this order. A group is one kind of effect that every arm has, in all joints.
+        The candidates are tried in this order. A group is one kind of effect that every arm has, in all joints. A
+        trial that passed is sound if not all of its effects ended at a bound (`accept.sound`).
 
         1. In the first step only, the set of effects that the torques propose. If it passes, no groups are tried.
         2. Effects of the joints that miss most torque (`suspects`) and at all places that are no joints; also groups,
-           if there are several such joints.
+           if there are several such joints. With groups, and in all later steps, also several linear effects at once.
         3. If nothing passed, or only candidates at a bound: several effects at once in the joint that misses most. They
            are pairs of distant effects, unless 2 included groups, and, if a candidate passed at a bound, all effects
            that every arm has.
-        4. Groups, if 2 did not include them: one light joint with a large error may hide the others. They are left out
-           if a candidate passed and this is a later step, or in the first step leaves only noise.
+        4. Groups, if neither 1 passed nor 2 included them: one light joint with a large error may hide the others. They
+           are left out if a sound candidate passed and this is a later step, or in the first step leaves only noise.
         5. If nothing passed, effects of the other joints, whose missing torque the first joints may hide. The places
            of 2 count as tested too.
         """
         missing = self.missing(state.world)
         near, rest, common = self.places(state, missing)
         state.screening = []
-        whole = self._try_proposed(state, n_fixed, len(near)) if state.fit is None else []
-        if passes(whole):
+        proposed = self._try_proposed(state, n_fixed, len(near)) if state.fit is None else []
+        if passes(proposed):
             common = []
         several = bool(common) or state.fit is not None
-        trials = self.step_at(state, n_fixed, near, missing, len(near), common, several)
-        trials = in_order(self.judge, state, trials + whole) if whole else trials
+        trials = self.try_places(state, n_fixed, near, missing, len(near), common, several)
+        trials = in_order(self.judge, state, trials + proposed) if proposed else trials
         if not passes(trials):
             scores = [] if common else shortlist(pairs(self, state, missing), RULES.fitted)
             scores += all_common(self, state, missing) if any(not t.rejected for t in trials) else []
             trials = self.try_all(state, scores, n_fixed, len(near)) + trials
-        # a light joint with a large error may hide the others
-        every = [] if common or passes(whole) else self.everywhere(state)
-        if every and not (passes(trials) and (state.fit is not None or self.arrived(trials))):
-            trials += self.step_at(state, n_fixed, [], missing, len(near), every, not several)
+        later = [] if common or passes(proposed) else self._common_groups(state)
+        if later and not (passes(trials) and (state.fit is not None or self._leaves_only_noise(trials[0]))):
+            trials += self.try_places(state, n_fixed, [], missing, len(near), later, not several)
             trials = in_order(self.judge, state, trials)
         if rest and all(t.rejected for t in trials):
-            trials = self.step_at(state, n_fixed, rest, missing, len(near) + len(rest)) + trials
+            trials = self.try_places(state, n_fixed, rest, missing, len(near) + len(rest)) + trials
         return trials
 
     def _try_proposed(self, state: State, n_fixed: int, tested: int) -> list[Trial]:
@@ -146,15 +151,15 @@ class Search(Loop, Shown, Proposals):
         first, *beside = proposed
         return self.try_all(state, [Score(first, 0.0, tuple(beside))], n_fixed, tested)
 
-    def arrived(self, trials: Sequence[Trial]) -> bool:
-        """Return whether the first trial, one effect in one joint, leaves only noise."""
-        return self.judge.mean(trials[0].loss) - self.judge.floor(trials[0].fit.world) <= RULES.at_floor - 1.0
+    def _leaves_only_noise(self, trial: Trial) -> bool:
+        """Return whether a trial's held-out error is at the noise floor."""
+        return self.judge.mean(trial.loss) - self.judge.floor(trial.fit.world) <= RULES.at_floor - 1.0
 
     def scored(self, state: State) -> list[Score]:
         """Return the candidates for a state, best first by the predicted drop of the fitted error."""
         missing = self.missing(state.world)
-        near, _, together = self.places(state, missing)
-        return self.screened(state.world, state.residual, state.fit, near, missing, together)
+        near, _, common = self.places(state, missing)
+        return self.screened(state.world, state.residual, state.fit, near, missing, common)
 
     def tested(self, state: State) -> int:
         """Return the number of places that share the level of the test of one addition to a state."""
@@ -164,21 +169,24 @@ class Search(Loop, Shown, Proposals):
     def places(
         self, state: State, missing: Sequence[MissingTorque]
     ) -> tuple[list[tuple[str, str]], list[tuple[str, str]], list[list[tuple[str, str]]]]:
-        """Return (effect, place) of the candidates to try first and of the others, and groups to try with the first."""
-        everywhere = list(self.evidence.items[0].robot.joints)
-        first = suspects(missing, everywhere) if self.evidence.unit == "rad" else everywhere
+        """Return (effect, place) of the candidates to try first and of the others, and groups to try with the first.
+
+        The first are those of the suspected joints; of all joints where torques are compared.
+        """
+        joints = list(self.evidence.items[0].robot.joints)
+        first = suspects(missing, joints) if self.evidence.unit == "rad" else joints
         near = candidates(self.evidence, state.world, first)
-        common = self.everywhere(state) if len(first) > 1 else []
-        rest = [p for p in candidates(self.evidence, state.world, everywhere) if p not in near]
+        common = self._common_groups(state) if len(first) > 1 else []
+        rest = [p for p in candidates(self.evidence, state.world, joints) if p not in near]
         return near, rest, common
 
-    def everywhere(self, state: State) -> list[list[tuple[str, str]]]:
-        """Return the groups of effects that every arm has in every joint and no step has tried yet."""
-        asked = [best.score for best, _ in state.steps if len({e.where for e in best.score.members}) > 1]
-        done = {effect(e.effect).common for score in asked for e in score.beside}
+    def _common_groups(self, state: State) -> list[list[tuple[str, str]]]:
+        """Return the groups of effects that every arm has in every joint, without kinds that a step added as one."""
+        added = [best.score for best, _ in state.steps if len({e.where for e in best.score.members}) > 1]
+        done = {effect(e.effect).common for score in added for e in score.beside}
         return groups(self.evidence, state.world, done)
 
-    def step_at(
+    def try_places(
         self,
         state: State,
         n_fixed: int,
@@ -188,9 +196,15 @@ class Search(Loop, Shown, Proposals):
         groups: Sequence[Sequence[tuple[str, str]]] = (),
         several: bool = False,
     ) -> list[Trial]:
-        """Run a step at these places and for the `groups`; with `several`, also for the proposals of `together`.
+        """Screen these places and groups, fit and judge those that promise enough; those that pass come first.
 
-        `tested` places in all share the level of the test. Groups are tried where no effect alone promises as much.
+        A group is fitted only if no effect alone promises nearly as much.
+
+        Args:
+            state: to which effects are added.
+            n_fixed: number of first effects that are not fitted.
+            places, missing, groups, several: as in `screened`.
+            tested: number of places that share the level of the test.
         """
         scores = self.screened(state.world, state.residual, state.fit, places, missing, groups, several)
         most = max((s.gain for s in scores if not s.beside), default=0.0)
@@ -201,8 +215,8 @@ class Search(Loop, Shown, Proposals):
             return []
         short = shortlist(scores, RULES.fitted)
         trials = self.try_all(state, short, n_fixed, tested)
-        tested_places = {e.where for s in short if not s.beside for e in s.members}
-        elsewhere = [s for s in scores if s not in short and s.key[1] not in tested_places]
+        fitted = {s.placed.where for s in short if not s.beside}
+        elsewhere = [s for s in scores if s not in short and s.key[1] not in fitted]
         elsewhere = [s for s in elsewhere if s.gain / self.evidence.count >= RULES.promise * need]
         if elsewhere and all(t.rejected for t in trials):  # confounded candidates at one place may have filled the list
             trials = trials + self.try_all(state, shortlist(elsewhere, RULES.fitted), n_fixed, tested)
@@ -221,24 +235,30 @@ class Search(Loop, Shown, Proposals):
     def try_all(
         self, state: State, scores: Sequence[Score], n_fixed: int, tested: int, goal: float | None = None
     ) -> list[Trial]:
-        """Fit each score's effect jointly with the accepted ones, and judge all on the held-out recordings."""
+        """Fit each score's effects jointly with the accepted ones, and judge all on the held-out recordings.
+
+        Those that pass come first. For `tested` and `goal` see `try_each`.
+        """
         return self.try_each([(state, scores, tested)], n_fixed, goal)[0]
 
     def try_each(
         self, tries: Sequence[tuple[State, Sequence[Score], int]], n_fixed: int, goal: float | None = None
     ) -> list[list[Trial]]:
-        """Try the candidates of several (state, scores, places tested), all fitted in one batch.
+        """Try the candidates of several (state, scores, number of places that share the level of the test).
 
-        Those of a state stop when another is far ahead. With a `goal`, a mean squared residual, each stops instead
-        when it cannot reach it. A rollout of many rows costs little more than one of a few.
+        All are fitted in one batch, since a rollout of many rows costs little more than one of a few. Those of a state
+        stop when another is far ahead. With a `goal`, a mean squared residual, each stops instead when it cannot reach
+        it.
         """
         flat = [(state, s) for state, scores, _ in tries for s in scores]
         if not flat:
             return [[] for _ in tries]
         worlds = [without(state.world, s.out).add(*s.members) for state, s in flat]
         self.say(f"fitting {', '.join(dict.fromkeys(s.label for _, s in flat))}")
-        races = [race for race, (_, scores, _) in ((Race(), t) for t in tries) for _ in scores]
-        races = races if goal is None else [Chase(goal) for _ in races]
+        races: list[Race] = []
+        for _, scores, _ in tries:
+            shared = Race()
+            races += [shared if goal is None else Chase(goal) for _ in scores]
         fits = self.fits(worlds, n_fixed, races=races, columns=[state.derivatives(s.out) for state, s in flat])
         trials = []
         for (state, s), f, loss in zip(flat, fits, self.judge.losses([f.world for f in fits]), strict=True):
@@ -268,10 +288,9 @@ class Search(Loop, Shown, Proposals):
         iterations: int = 8,
         columns: Sequence[np.ndarray | None] | None = None,
     ) -> list[Fit]:
-        """Fit all but the first `n_fixed` effects of each world; results are cached.
+        """Fit all but the first `n_fixed` effects of each world; arguments are as in `Searching.fits`.
 
-        With `races`, one for each world, a fit far behind in its race stops. With `columns`, one for each, the
-        derivatives to the first coordinates are taken as an earlier fit had them.
+        The end points are stored in the progress; a resumed diagnosis only evaluates the fits there.
         """
         fresh: list[Fit] = []
         held = [None] * len(worlds) if columns is None else list(columns)
@@ -295,8 +314,10 @@ class Search(Loop, Shown, Proposals):
         quick = [None if c is None else c.shape[1] for c in held]
         question = ["fits", [model_text(w) for w in worlds], n_fixed, races is not None, iterations, quick]
         ends = self.progress.recall(question, work_out)
-        again = [job(k, (u, bool(c))) for k, (u, c) in enumerate(ends)]
-        return fresh or run_together(again, self.evidence.residuals, length=self.evidence.length)
+        if fresh:
+            return fresh
+        again = [job(k, (u, bool(converged))) for k, (u, converged) in enumerate(ends)]
+        return run_together(again, self.evidence.residuals, length=self.evidence.length)
 
     def reduced(
         self, worlds: Sequence[World], n_fixed: int, columns: Sequence[np.ndarray | None] | None = None
@@ -305,22 +326,23 @@ class Search(Loop, Shown, Proposals):
         return self.fits(worlds, n_fixed, iterations=5, columns=columns)
 
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
-        """Add the effects of a trial, one of `trials`; derivatives of the earlier effects are recomputed."""
+        """Add the effects of a trial, one of `trials`, to the state."""
         state.steps.append((trial.bare, [t.bare for t in trials]))
         fit, loss = trial.fit, trial.loss
-        if state.fit is not None:
+        if state.fit is not None:  # the trial took the derivatives of the earlier effects as constant
             (fit,) = self.fits([fit.world], n_fixed, iterations=3)
             loss = self.judge.losses([fit.world])[0]
         state.take(fit, loss)
         state.cross = self.cross.loss_of(fit, fit.residual)
 
     def _grow(self, state: State, placed: EffectInstance, n_fixed: int) -> None:
+        """Replace an effect that was just added by a richer one if that is better (`law.grow`)."""
         grow(self, state, placed, n_fixed)
 
 
 def suspects(missing: Sequence[MissingTorque], joints: list[str]) -> list[str]:
     """Return the joints with a visible share of the missing torque: an effect in a joint causes it in that joint."""
-    z = joint_z(missing) ** 2
-    order = np.argsort(-z)
-    keep = [j for j in order[: RULES.suspects] if z[j] > RULES.suspect * z.max()]
+    squared = joint_z(missing) ** 2
+    order = np.argsort(-squared)
+    keep = [j for j in order[: RULES.suspects] if squared[j] > RULES.suspect * squared.max()]
     return [joints[j] for j in sorted(keep)]
