@@ -62,34 +62,38 @@ def _trials(rec: Recording, models: Mapping[str, World], nthread: int) -> dict[s
     """
     cell = recorded_cell(rec)
     runs = {name: task_of(cell.config).again(rec, world, nthread) for name, world in models.items()}
-    played = {name: ran for name, ran in runs.items() if ran is not None}
-    if len(played) < len(runs):
+    simulated = {name: run for name, run in runs.items() if run is not None}
+    if len(simulated) < len(runs):
         raise UserError("its task cannot simulate a recorded episode", key=rec.name)
-    felt = touching(rec)
-    read = felt.recording if felt.torques is None else calm(felt.recording, felt.torques)
-    measured = _felt(read, cell.scene)
+    sensed = touching(rec)
+    read = sensed.recording if sensed.torques is None else calm(sensed.recording, sensed.torques)
+    measured = _contact(read, cell.scene)
     trials = {"measured": _trial(measured, measured, read.rate_hz, rec.outcomes[0])}
-    for name, ran in played.items():
-        simulated = _felt(replace(read, q=ran[0], ft=ran[1], wrench=WrenchSensor()), cell.scene)
-        trials[name] = _trial(simulated, measured, read.rate_hz, ran[2])
+    for name, (q, ft, outcome) in simulated.items():
+        run = _contact(replace(read, q=q, ft=ft, wrench=WrenchSensor()), cell.scene)
+        trials[name] = _trial(run, measured, read.rate_hz, outcome)
     return trials
 
 
 def first_episode(rec: Recording) -> Recording:
-    """Return a recording of its first episode with an outcome alone."""
+    """Return the part of a recording that is the episode of its first outcome, with that outcome alone."""
     if rec.episode is None:
         return rec
     return replace(rec.some(rec.episode == rec.outcomes[0].episode), outcomes=rec.outcomes[:1])
 
 
-def _felt(rec: Recording, scene: Scene) -> Touch:
-    felt = touch(rec, scene)
-    assert felt is not None
-    return felt
+def _contact(rec: Recording, scene: Scene) -> Touch:
+    """Return the contact along a recording that has a wrench."""
+    contact = touch(rec, scene)
+    assert contact is not None
+    return contact
 
 
 def _trial(run: Touch, measured: Touch, rate: float, outcome: Outcome) -> Trial:
-    """Summarise one run: peak contact force, time in contact, outcome, and how far the tip was from the measured one.
+    """Summarise one run: peak contact force N, time in contact s, outcome, and RMS distance m to the measured tip.
+
+    The distance is taken in free air above the goal, before either run touches anything; it is left out if it is
+    unknown. `rate` is that of the samples, Hz.
 
     Raises:
         UserError: no contact force of the run is finite.

@@ -25,11 +25,20 @@ def gridded(world: World, recordings: Sequence[Recording]) -> tuple[EffectInstan
     """Return encoder resolutions of joints that have the same step in every recording in which they move.
 
     The grid must contain the joint's zero, as the effect's grid does. If one step fits all moving joints, it is a
-    single effect at `all`. A joint for which the world has a resolution is skipped.
+    single effect at `all`. A joint for which the world has a resolution is skipped. The value has as its interval the
+    steps that leave all readings on the grid (`RULES.grid_off`).
     """
     joints = recordings[0].joints
     moved = {j: m for j in range(len(joints)) if (m := [r for r in recordings if moves(r.q[:, j])])}
     steps = {j: common_step(m, j) for j, m in moved.items()}
+    known = [s for s in steps.values() if s]
+    shared = float(np.median(known)) if known else 0.0  # the step of all joints, if they are alike
+    alike = (
+        len(steps) > 1
+        and bool(known)
+        and all(abs(s - shared) < RULES.grid_off * shared for s in known)  # twice the step would fit its grid too
+        and all(on_grid(r.q[:, j], shared) for j, m in moved.items() for r in m)
+    )
     out: list[EffectInstance] = []
     for name, kind in sorted(REGISTRY.items()):
         if not kind.overrides("resolution"):
@@ -37,16 +46,8 @@ def gridded(world: World, recordings: Sequence[Recording]) -> tuple[EffectInstan
         (param,) = kind.magnitudes
         has = {e.where for e in world.effects if e.effect == name}
         places = {joints[j]: ([j], s) for j, s in steps.items() if s and joints[j] not in has and ALL not in has}
-        known = [s for s in steps.values() if s]
-        common = float(np.median(known)) if known else 0.0
-        if (
-            common
-            and not has
-            and len(steps) > 1
-            and all(abs(s - common) < RULES.grid_off * common for s in known)  # multiples are on its grid, too
-            and all(on_grid(r.q[:, j], common) for j, m in moved.items() for r in m)
-        ):
-            places = {ALL: (list(steps), common)}
+        if alike and not has:
+            places = {ALL: (list(steps), shared)}
         for where, (numbers, step) in places.items():
             if step <= kind.params[param].high:
                 widest = max(float(np.nanmax(np.abs(r.q[:, j]))) for j in numbers for r in moved[j])
@@ -76,7 +77,7 @@ def common_step(recordings: Sequence[Recording], joint: int) -> float:
 
 
 def refined(values: np.ndarray, step: float) -> float:
-    """Refine a step by least squares over values (n,), small ones first: their number of steps is certain."""
+    """Refine a step (rad) by least squares over values (n,) rad, small ones first: their number of steps is certain."""
     values = values[np.isfinite(values)]
     for share in (0.1, 0.3, 1.0):
         small = values[np.abs(values) <= share * np.abs(values).max()]

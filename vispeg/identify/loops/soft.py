@@ -1,9 +1,9 @@
 """Replace operational space control (OSC) whose null space is too soft to hold a rollout near the recorded posture.
 
 With a null-space stiffness of 10 1/s^2, a missing torque of 5 N m moves the posture by half a radian. The model then
-has another inertia and gravity, its error is not linear in what is missing, and no candidate can be recognised. As for a
-saturated drive (`opened`), the recording is therefore treated as torque-controlled: the commanded torques are computed
-from the controller's readings, and an observer holds rollouts softly to the measured motion, hence to its posture.
+has another inertia and gravity, its error is not linear in what is missing, and no candidate can be recognised. As with
+a saturated drive (`opened`), the recording is therefore treated as torque-controlled: the commanded torques are
+computed from the controller's readings, and an observer holds rollouts softly to the measured motion and posture.
 """
 
 from __future__ import annotations

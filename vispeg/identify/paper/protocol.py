@@ -3,7 +3,8 @@
 A recording under operational space control is cut into short pieces. Each is simulated from its own measured start,
 so that an error does not grow along the whole motion. The cost is the sum over the pieces of the 2-norm of measured
 minus simulated flange positions. The protocol uses only the flange position; `vispeg fit --effects` uses all channels.
-`vispeg.identify.paper.intervals` computes the accuracy of the values.
+`vispeg.identify.paper.intervals` computes the accuracy of the values. The paper is Kaspar and Bock's, see
+docs/sources.md.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from vispeg.worlds.world import World
 
 PIECES, STEPS = 9, 50  # number of pieces of a recording, and of compared samples in each
 TILT, MASS, DECAY = 0.01, 0.3, 2.0  # rad, kg, 1/s: typical sizes; damping is DECAY times inertia
-WORST = 1.0  # m per step: cost of a piece whose rollout diverged
+WORST = 1.0  # m, error in each coordinate where a rollout diverged
 GENERATIONS = 120
 
 
@@ -84,6 +85,7 @@ def cut(rec: Recording, pieces: int = PIECES, steps: int = STEPS) -> Pieces:
 
 
 def _piece(run: Segment, first: int, ticks: int, steps: int) -> Segment:
+    """Return `ticks` control ticks of an episode from number `first` on, with `steps` evenly spaced sample times."""
     rows = slice(first, first + ticks)
     # ticks at which the flange is compared, the last at the end of a piece
     at = np.arange(1, steps + 1) * ticks // steps - 1
@@ -106,13 +108,19 @@ def cost(pieces: Pieces, simulated: np.ndarray) -> float:
 
 
 class Coordinates:
-    """Parameters of the protocol as a vector in typical sizes: tilt (2), link masses (nj), damping (nj)."""
+    """Parameters of the protocol as a vector in typical sizes: tilt (2), link masses (nj), damping (nj).
+
+    Attributes:
+        world: the given model.
+        axes: effect, place, parameter and typical size of each coordinate.
+        placed: (effect, place) -> the given model's effect, at null if it lacks it.
+    """
 
     def __init__(self, world: World, pieces: Pieces):
         robot = pieces.robot
         nominal = Nominal(compiled(robot), robot.joints, robot.flange, 1, 1)
         mass = nominal.operational(pieces.segments[0].q[:1])[0][0]
-        inertia = 1.0 / np.diagonal(np.linalg.inv(mass))
+        inertia = 1.0 / np.diagonal(np.linalg.inv(mass))  # of each joint if the others are free
         self.world = world
         self.axes: list[tuple[str, str, str, float]] = [("gravity_tilt", "base", k, TILT) for k in ("roll", "pitch")]
         self.axes += [("link_mass", link, "mass", MASS) for link in robot.links]
@@ -123,18 +131,18 @@ class Coordinates:
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper bounds."""
+        """Lower and upper bounds, (2 + 2 nj,) each."""
         params = [effect(name).params[key] for name, _, key, _ in self.axes]
         unit = np.array([a[3] for a in self.axes])
         return np.array([p.low for p in params]) / unit, np.array([p.high for p in params]) / unit
 
     @property
     def start(self) -> np.ndarray:
-        """Return the given model's values (null for effects that it lacks)."""
+        """The given model's values, (2 + 2 nj,)."""
         return np.array([self.placed[name, where].params[key].value / unit for name, where, key, unit in self.axes])
 
     def at(self, x: np.ndarray) -> World:
-        """Return the world at a point."""
+        """Return the world at a point (2 + 2 nj,), which is clipped to the bounds."""
         low, high = self.bounds
         values: dict[tuple[str, str], dict[str, float]] = {}
         for (name, where, key, unit), v in zip(self.axes, np.clip(x, low, high), strict=True):
@@ -151,7 +159,16 @@ def fit_paper(
     nthread: int = 1,
     trace: Trace | None = None,
 ) -> World:
-    """Return the world with the masses, damping and gravity that fit the flange's path best."""
+    """Return the world with the masses, damping and gravity that fit the flange's path best.
+
+    Args:
+        world: the given model, at which the search starts.
+        pieces: the fitted recording.
+        rng: of CMA-ES.
+        generations: number of generations of CMA-ES.
+        nthread: threads of the simulation.
+        trace: each generation is recorded in it, and the search resumes from where it ends; None records nothing.
+    """
     space = Coordinates(world, pieces)
     low, high = space.bounds
 
