@@ -76,11 +76,11 @@ def read(out: Path) -> str:
 def render(record: Record) -> str:
     """Return the report as HTML, without external links or requests."""
     channels = record.rows("by_channel")
-    several = channels and record.kind == "diagnosis"  # a comparison shows its main record, then the other channels
-    names = CHANNELS if several else _names(record)
+    # with several channels, a diagnosis shows their summary first, a comparison its main record
+    names = CHANNELS if channels and record.kind == "diagnosis" else _names(record)
     sections = _sections(record, [n for n in names if not channels or n != "provenance"])
-    for said in channels:
-        sections += _channel(record, said)
+    for channel in channels:
+        sections += _channel(record, channel)
     sections += _sections(record, ("provenance",)) if channels else []
     kind = KINDS[record.kind]
     verdict = record.values.get("verdict") if record.kind == "diagnosis" else None
@@ -90,9 +90,11 @@ def render(record: Record) -> str:
 def _names(record: Record) -> tuple[str, ...]:
     """Return the names of the sections that show a record of one channel."""
     values, contact = record.values, record.values.get("evidence") == "contact"
-    diagnosis = OBJECT if values.get("object") else VIEWS if values.get("views") else CONTACT if contact else DIAGNOSIS
-    compare = CONTACT_COMPARE if contact else COMPARE
-    return {"diagnosis": diagnosis, "compare": compare, "fit": FIT}[record.kind]
+    if record.kind == "fit":
+        return FIT
+    if record.kind == "compare":
+        return CONTACT_COMPARE if contact else COMPARE
+    return OBJECT if values.get("object") else VIEWS if values.get("views") else CONTACT if contact else DIAGNOSIS
 
 
 def _sections(record: Record, names: Sequence[str], channel: str = "") -> list[Section]:
@@ -102,18 +104,18 @@ def _sections(record: Record, names: Sequence[str], channel: str = "") -> list[S
         module = import_module(f"vispeg.report.sections.{name}")
         values = module.context(record)
         if values is not None:
-            live = () if values.get("still") else ("SCRIPTS", "STYLES")
-            scripts, styles = (getattr(module, n, ()) if n in live else () for n in ("SCRIPTS", "STYLES"))
+            interactive = not values.get("still")
+            scripts, styles = (getattr(module, n, ()) if interactive else () for n in ("SCRIPTS", "STYLES"))
             title = f"{channel.capitalize()}: {module.TITLE[0].lower()}{module.TITLE[1:]}" if channel else module.TITLE
             anchor = f"{channel}-{name}" if channel else name
             out.append(Section(anchor, title, f"sections/{name}", values, scripts, styles))
     return out
 
 
-def _channel(record: Record, said: Mapping[str, Any]) -> list[Section]:
-    """Return the sections of one channel: its verdict first, then those of its kind of evidence."""
-    name = str(said.get("channel"))
-    own = Record(record.kind, said.get("record") or {}, record.evidence.by_channel.get(name, Evidence()))
+def _channel(record: Record, channel: Mapping[str, Any]) -> list[Section]:
+    """Return the sections of one entry of `by_channel`: its verdict first, then those of its kind of evidence."""
+    name = str(channel.get("channel"))
+    own = Record(record.kind, channel.get("record") or {}, record.evidence.by_channel.get(name, Evidence()))
     values = channel_section.context(own, name)
     first = Section(f"channel-{name}", name.capitalize(), "sections/channel", values)
     return [first, *_sections(own, [n for n in _names(own) if n not in SHARED], name)]

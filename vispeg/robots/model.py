@@ -98,14 +98,14 @@ def load(
     Raises:
         UserError: the robot or tool is unknown, or a file cannot be used.
     """
-    key = tool if isinstance(tool, str) or tool is None else _tool_key(tool)
+    carried = tool if isinstance(tool, str) or tool is None else _as_text(tool)
     tilt = np.asarray(base_tilt, float)
     if tilt.shape != (2,) or not np.isfinite(tilt).all():
         raise UserError("not a base tilt", expected="roll and pitch in rad", got=base_tilt)
     path = _file(str(robot))
     turn = float(tilt[0]), float(tilt[1])
-    stamps = stamp(path) if path else (), gripper.stamp(key)  # an edited file is read again
-    return _load(str(robot), str(path) if path else "", stamps, key, turn, declared or RobotConfig(), moved)
+    stamps = stamp(path) if path else (), gripper.stamp(carried)  # an edited file is read again
+    return _load(str(path) if path else "", stamps, carried, turn, declared or RobotConfig(), moved)
 
 
 def load_for(
@@ -125,10 +125,7 @@ def load_for(
     held = [joint for joint in whole.joints if joint not in joints]
     if not held or not joints or not set(joints) <= set(whole.joints):
         return whole
-    said = (
-        f"{robot}: the log lacks {len(held)} of the robot's joints: held at rest, their mass stays: {', '.join(held)}"
-    )
-    note(said)
+    note(f"{robot}: the log lacks {len(held)} of the robot's joints: held at rest, their mass stays: {', '.join(held)}")
     return load(robot, tool, base_tilt, moved=tuple(joint for joint in whole.joints if joint in joints))
 
 
@@ -139,7 +136,6 @@ def available() -> list[str]:
 
 @lru_cache(maxsize=64)
 def _load(
-    robot: str,
     file: str,
     stamps: tuple[tuple[int, ...], tuple[int, ...]],
     tool: str | None,
@@ -147,6 +143,10 @@ def _load(
     declared: RobotConfig,
     moved: tuple[str, ...] | None,
 ) -> RobotModel:
+    """Build the robot of a file, or the built-in one for ""; arguments are as in `load`, made hashable for the cache.
+
+    `stamps` are the times of modification of the robot's and the tool's files, ns. They are only part of the key.
+    """
     home: tuple[float, ...] = ()
     if file:
         path = Path(file)
@@ -185,8 +185,8 @@ def tilted(gravity: np.ndarray, roll: float, pitch: float) -> np.ndarray:
     return (rx @ ry).T @ gravity
 
 
-def _tool_key(tool: Mapping[str, Any]) -> str:
-    """Return the numbers of a tool mapping as text, so that equal tools share one cached robot."""
+def _as_text(tool: Mapping[str, Any]) -> str:
+    """Return the numbers of a tool mapping as JSON, so that equal tools share one cached robot."""
     mass, com, inertia = tools.stated(tool)
     return json.dumps({"mass_kg": mass, "com_m": com.tolist(), "inertia_kgm2": inertia.tolist()})
 

@@ -33,8 +33,11 @@ TOLERANCE = 1e-10  # tolerance of the solver in models with springs
 WRITES = frozenset({"jnt_stiffness", "dof_armature", "dof_damping"})
 
 
-def numbers(kind: Any, compliance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return stiffness, inertia and damping of springs of a joint type with this compliance (> 0)."""
+def coefficients(kind: mujoco.mjtJoint, compliance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return stiffness, inertia and damping of springs with this compliance (> 0), in arrays of its shape.
+
+    Slides have N/m, kg and N s/m, hinges N m/rad, kg m^2 and N m s/rad.
+    """
     stiffness = 1.0 / compliance
     inertia = np.maximum(EFFECTIVE[kind], stiffness * STEP**2)
     return stiffness, inertia, 2 * RATIO * np.sqrt(stiffness * inertia)
@@ -46,21 +49,23 @@ def add(spec: mujoco.MjSpec, body: str, prefix: str, axes: tuple[str, ...], pos:
     spec.option.tolerance = TOLERANCE
     for axis in axes:
         kind, direction = AXES[axis]
-        stiffness, inertia, damping = (float(v) for v in numbers(kind, np.array(LOCKED[kind])))
+        stiffness, inertia, damping = (float(v) for v in coefficients(kind, np.array(LOCKED[kind])))
         joint = part.add_joint(name=f"{prefix}_{axis}", type=kind, axis=direction, pos=pos, armature=inertia)
         joint.stiffness, joint.damping = [stiffness, 0.0, 0.0], [damping, 0.0, 0.0]
 
 
 def write(fields: Any, prefix: str, p: Values) -> None:
-    """Set the springs `PREFIX_AXIS` to compliances p[axis] (nsim, 1); rows at 0 stay locked."""
+    """Set the springs `PREFIX_AXIS` to compliances p[axis] (nsim, 1), m/N or rad/(N m); rows at 0 stay locked.
+
+    `fields` maps the names in `WRITES` to model fields (nsim, ...); `fields.model` is the MjModel.
+    """
     stiffness, armature, damping = (fields[name] for name in ("jnt_stiffness", "dof_armature", "dof_damping"))
     for axis, value in p.items():
         rows = np.flatnonzero(value[:, 0] > 0)
         joint = fields.model.joint(f"{prefix}_{axis}")
         kind, dof = AXES[axis][0], int(joint.dofadr[0])
-        soft = np.maximum(value[rows, 0], LOCKED[kind])
-        k, inertia, d = numbers(kind, soft)
-        stiffness[rows, joint.id], armature[rows, dof], damping[rows, dof] = k, inertia, d
+        set_to = coefficients(kind, np.maximum(value[rows, 0], LOCKED[kind]))
+        stiffness[rows, joint.id], armature[rows, dof], damping[rows, dof] = set_to
 
 
 def compliances(texts: Mapping[str, str]) -> dict[str, Param]:

@@ -14,9 +14,10 @@ from vispeg.core.effect import REGISTRY, effect
 from vispeg.recordings.checks.extent import AIR, HARD, LONG, NEEDS, Extent, joined, lacking
 from vispeg.recordings.regimes import FREE, IMPACT, INSIDE, PRESS, REGIMES, SLIDE
 
-SAID = ("in free air", "pressing", "sliding", "inserted", "hitting")
-WORDS: dict[str, str] = dict(zip(REGIMES, SAID, strict=True))
-FORCES = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # N
+WORDS = dict(zip(REGIMES, ("in free air", "pressing", "sliding", "inserted", "hitting"), strict=True))
+FORCES = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # N, edges of the histogram of contact forces
+BEFORE = 5  # samples before an impact, of which the fastest has its speed: force is noticed late
+STEADY = 10  # samples that the range of sustained forces must exceed
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,9 @@ class ContactCheck:
         forces: regime -> seconds in each bin of contact force, with edges 0, `FORCES` and infinity.
         peak_force: N.
         slide_speed: median speed while sliding, m/s; 0 without sliding.
-        directions: which of 8 direction sectors the tip slid in.
+        directions: number of direction sectors, of 8, in which the tip slid.
         hits: speeds of the impacts, m/s.
-        begins_free: time in free air at the start, s, the least over episodes.
+        begins_free: time in free air at the start of an episode, s, the least over episodes.
         yaw: least and greatest rotation of the flange about the vertical in contact, rad; both 0 without contact.
         extent: how much the recording contains of the excitation that effects need.
         excited: effect -> "" if the recording can identify it, else the reason why not.
@@ -50,14 +51,14 @@ class ContactCheck:
 
 @dataclass(frozen=True)
 class Touched:
-    """The result of `vispeg.sim.touch` in plain arrays, each (n, ..) for the recording's samples.
+    """The result of `vispeg.sim.touch` in plain arrays, (n,) for the recording's samples unless stated otherwise.
 
     Attributes:
         time: s.
         episode: episode number.
         regime: index into `REGIMES`.
         force: contact force, N.
-        velocity: (n, 3) m/s of the tip.
+        velocity: (n, 3) m/s of the tip, base axes.
         tilt: angle of the tool's axis to its direction at the start, rad.
         yaw: rotation of the flange's x axis about the base's vertical, rad.
         goal: whether the believed cell has a goal.
@@ -76,7 +77,7 @@ class Touched:
 
 
 def examine(t: Touched) -> ContactCheck:
-    """Compute histograms of forces and speeds by regime, and the effects that they excite."""
+    """Compute times, forces and speeds by regime, and the effects that they excite."""
     step = float(np.median(np.diff(t.time))) if len(t.time) > 1 else 0.0
     seconds = {name: float(np.sum(t.regime == k) * step) for k, name in enumerate(REGIMES)}
     edges = (0.0, *FORCES, np.inf)
@@ -89,7 +90,7 @@ def examine(t: Touched) -> ContactCheck:
     flat = t.velocity[sliding][:, :2]
     sectors = np.unique(np.floor(np.arctan2(flat[:, 1], flat[:, 0]) / (np.pi / 4) + 0.5).astype(int) % 8)
     first = (t.regime == IMPACT) & np.concatenate([[True], t.regime[:-1] != IMPACT])
-    hits = tuple(float(speed[max(0, i - 5) : i + 1].max()) for i in np.flatnonzero(first))
+    hits = tuple(float(speed[max(0, i - BEFORE) : i + 1].max()) for i in np.flatnonzero(first))
     touching = t.regime != FREE
     yaw = (float(t.yaw[touching].min()), float(t.yaw[touching].max())) if touching.any() else (0.0, 0.0)
     free = min(_free_start(t, number) for number in np.unique(t.episode))
@@ -109,6 +110,7 @@ def examine(t: Touched) -> ContactCheck:
 
 
 def _free_start(t: Touched, number: int) -> float:
+    """Return the time, s, that an episode spends in free air before its first touch."""
     rows = np.flatnonzero(t.episode == number)
     touched = np.flatnonzero(t.regime[rows] != FREE)
     last = rows[touched[0]] if len(touched) else rows[-1]
@@ -123,8 +125,12 @@ def _extent(
     yaw: tuple[float, float],
     step: float,
 ) -> Extent:
+    """Return the excitation of contact; `free` is `begins_free`, `step` the sample time in s, the rest as in `examine`.
+
+    Sustained forces are from the 10 % to the 95 % quantile, so that a short peak is none of them.
+    """
     steady = t.force[(t.regime == PRESS) | (t.regime == INSIDE)]
-    forces = (float(np.quantile(steady, 0.1)), float(np.quantile(steady, 0.95))) if len(steady) > 10 else None
+    forces = (float(np.quantile(steady, 0.1)), float(np.quantile(steady, 0.95))) if len(steady) > STEADY else None
     slid, inserted = seconds[REGIMES[SLIDE]], seconds[REGIMES[INSIDE]]
     return Extent(
         begins_free=free,
@@ -158,7 +164,10 @@ def together(checks: Sequence[ContactCheck]) -> dict[str, str]:
 
 
 def said(check: ContactCheck, excited: Mapping[str, str] | None = None) -> list[str]:
-    """Word lines for the user: time and force in each regime, which effects are excited, and why others are not."""
+    """Return lines for the user: time and force in each regime, which effects are excited, and why others are not.
+
+    With `excited` (from `together`) they are those of several recordings, without times and forces.
+    """
     lines = []
     if excited is None:
         parts = [f"{check.seconds[name]:.1f} s {WORDS[name]}" for name in REGIMES if check.seconds[name] > 0]

@@ -18,10 +18,10 @@ def drawn(worlds: Sequence[Mapping[str, Mapping[str, float]]]) -> Mapping[str, o
     """Return the template's values for the worlds drawn for each episode (label -> parameter -> value).
 
     Returns:
-        `effects`: name -> histograms (place, parameter, unit, lowest, highest, SVG, share of episodes); and `fixed`:
-        label, parameter and value with unit of what never varies.
+        `effects`: effect -> rows with `place`, `param`, `low`, `high`, `unit`, `svg`, and `share`, the share of
+        episodes in words, empty for all. `fixed`: rows with `label`, `param` and `value` with its unit, of what never
+        varies; values of absent effects are left out.
     """
-
     draws: dict[tuple[str, str], list[float]] = defaultdict(list)
     for world in worlds:
         for label, params in world.items():
@@ -59,9 +59,11 @@ def histogram(values: Sequence[float], bins: int = BINS) -> str:
 
 
 def _unit(kind: str, name: str) -> str:
+    """Return the unit of an effect's parameter; empty if this version does not know it."""
     return unit_beside(REGISTRY[kind].params[name].unit) if kind in REGISTRY and name in REGISTRY[kind].params else ""
 
 
 def _vanishes(kind: str, name: str, value: float) -> bool:
+    """Return whether a parameter has the value of an absent effect."""
     param = REGISTRY[kind].params.get(name) if kind in REGISTRY else None
     return param is not None and value == param.absent

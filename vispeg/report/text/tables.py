@@ -44,10 +44,11 @@ class Sheet:
     keys: int = 1
 
     def width(self) -> int:
-        """Return the width of the table in terminal columns."""
+        """Return the least width of the table in terminal columns."""
         return sum(self._widths()) + GAP * (len(self.columns) - 1)
 
     def _widths(self) -> list[int]:
+        """Return the least width of each column in terminal columns; of prose at most PROSE."""
         from rich.cells import cell_len
 
         widths = []
