@@ -32,10 +32,10 @@ SKY = HAND.moved(name="sky", parent="base", pos=(0.0, 0.0, 3.0), quat=(1.0, 0.0,
 FLOOR = HAND.moved(name="floor", parent="base", pos=(0.6, 0.35, 0.4), quat=(0.0, 1.0, 0.0, 0.0), fx=400.0, fy=400.0)
 
 
-def seen_by(*cameras, seed: int = 0) -> Recording:
+def seen_by(*cameras, seed: int = 0, at=np.linspace(1.0, 15.0, 7)) -> Recording:
     motion = look_motion("look", SCENE, 100.0, 16.0)
     q = motion.q_cmd if seed % 2 else motion.q_cmd[::-1]
-    shots = photograph(SCENE, cameras, CELL, CubicSpline(motion.time, q), np.linspace(1.0, 15.0, 7), seed, finer=1)
+    shots = photograph(SCENE, cameras, CELL, CubicSpline(motion.time, q), at, seed, finer=1)
     rec = Recording(Path(f"run-{seed}"), "iiwa14", SCENE.joints, 100.0, Control(), motion.time, q)
     return replace(rec, frames=shots, cell=CELL.cell)
 
@@ -58,6 +58,14 @@ def test_where_no_camera_sees_anything_nothing_is_diagnosed_and_check_says_why()
     assert excitations(SCENE, one, CELL) == []
     (checked,) = check_frames(one, SCENE)
     assert any("shows no border of the cell" in line for line in warnings_of(checked))
+
+
+def test_frames_at_the_ends_of_the_log_are_left_out_as_no_delay_could_be_found_with_them():
+    rec = seen_by(HAND, at=np.linspace(0.0, 16.0, 9))
+    (sight,) = sights_of([rec])
+    assert sight.time.tolist() == np.linspace(2.0, 14.0, 7).tolist()
+    evidence, _ = border_evidence(SCENE, [sight], [], CELL)
+    assert 0 < evidence.errors([CELL])[0] < 0.3  # px
 
 
 def test_two_calibrations_of_one_camera_are_refused_where_they_are_compared():

@@ -10,6 +10,8 @@ from scipy.interpolate import CubicSpline
 
 from vispeg.core.errors import UserError
 from vispeg.core.rules import RULES
+from vispeg.identify.pictures.coarse import DELAYS
+from vispeg.identify.pictures.points import INSTANT
 from vispeg.identify.pictures.sight import Sight
 from vispeg.recordings.frames.frames import Frames
 from vispeg.recordings.frames.joints import GAP, joints_at
@@ -47,8 +49,10 @@ def comparable(rec: Recording) -> bool:
 
 
 def _standing(rec: Recording, frames: Frames) -> np.ndarray:
-    """Return the indices (n,) of the frames at whose times all joint angles were measured."""
-    return np.flatnonzero(np.isfinite(joints_at(rec, frames.times, frames.episodes)).all(1))
+    """Return the indices (n,) of the frames whose joint angles are known, whatever the delay of the camera."""
+    asked = (0.0, -DELAYS.max() - INSTANT, -DELAYS.min() + INSTANT)
+    known = [np.isfinite(joints_at(rec, frames.times + t, frames.episodes)).all(1) for t in asked]
+    return np.flatnonzero(np.all(known, axis=0))
 
 
 def _curve(rec: Recording, episode: int) -> CubicSpline | None:
