@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -68,6 +69,7 @@ def _values(name: str, kind: Any) -> Sequence[str] | None:
     return None
 
 
+@cache
 def _names(what: str) -> list[str]:
     from vispeg.api.library import catalogue
     from vispeg.core.effect import REGISTRY

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any, ClassVar, get_args, get_origin, get_type_hints
 
 from vispeg.core.errors import UserError
@@ -21,7 +22,7 @@ def checked(kind: type, values: Mapping[str, Any], file: str | None, at: str) ->
     Raises:
         UserError: an unknown key, a wrong type.
     """
-    hints, out = {k: h for k, h in get_type_hints(kind).items() if get_origin(h) is not ClassVar}, {}
+    hints, out = _hints(kind), {}
     for key, value in values.items():
         if key not in hints:
             raise UserError("unknown key", file=file, key=f"{at}{key}", got=key, choices=hints)
@@ -29,6 +30,12 @@ def checked(kind: type, values: Mapping[str, Any], file: str | None, at: str) ->
         if not _fits(out[key], hints[key]):
             raise UserError("wrong type", file=file, key=f"{at}{key}", expected=_said(hints[key]), got=value)
     return out
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    """Return the annotations of a dataclass's fields, by name."""
+    return {k: h for k, h in get_type_hints(kind).items() if get_origin(h) is not ClassVar}
 
 
 def _fits(value: Any, hint: Any) -> bool:
