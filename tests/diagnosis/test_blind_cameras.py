@@ -27,15 +27,16 @@ from vispeg.worlds.world import World
 CELL = World("iiwa14", "meg50+peg16", cell=CellBelief("nominal"))
 SCENE = scene_of(CELL)
 PICTURES = CHANNELS["pictures"]
+TIMES = np.linspace(1.0, 15.0, 7)  # s, of the frames
 (HAND,) = (c.moved(name="my hand") for c in cameras_of(["wrist_wide"], SCENE, (80, 60)))
 SKY = HAND.moved(name="sky", parent="base", pos=(0.0, 0.0, 3.0), quat=(1.0, 0.0, 0.0, 0.0))  # looks up
 FLOOR = HAND.moved(name="floor", parent="base", pos=(0.6, 0.35, 0.4), quat=(0.0, 1.0, 0.0, 0.0), fx=400.0, fy=400.0)
 
 
-def seen_by(*cameras, seed: int = 0, at=np.linspace(1.0, 15.0, 7)) -> Recording:
+def seen_by(*cameras, seed: int = 0, times: np.ndarray = TIMES) -> Recording:
     motion = look_motion("look", SCENE, 100.0, 16.0)
     q = motion.q_cmd if seed % 2 else motion.q_cmd[::-1]
-    shots = photograph(SCENE, cameras, CELL, CubicSpline(motion.time, q), at, seed, finer=1)
+    shots = photograph(SCENE, cameras, CELL, CubicSpline(motion.time, q), times, seed, finer=1)
     rec = Recording(Path(f"run-{seed}"), "iiwa14", SCENE.joints, 100.0, Control(), motion.time, q)
     return replace(rec, frames=shots, cell=CELL.cell)
 
@@ -61,7 +62,7 @@ def test_where_no_camera_sees_anything_nothing_is_diagnosed_and_check_says_why()
 
 
 def test_frames_at_the_ends_of_the_log_are_left_out_as_no_delay_could_be_found_with_them():
-    rec = seen_by(HAND, at=np.linspace(0.0, 16.0, 9))
+    rec = seen_by(HAND, times=np.linspace(0.0, 16.0, 9))
     (sight,) = sights_of([rec])
     assert sight.time.tolist() == np.linspace(2.0, 14.0, 7).tolist()
     evidence, _ = border_evidence(SCENE, [sight], [], CELL)

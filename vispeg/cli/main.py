@@ -14,7 +14,7 @@ from types import FrameType
 
 from vispeg import __version__
 from vispeg.api.machine.graphics import check_backend, choose_backend
-from vispeg.cli.overview import available, overview
+from vispeg.cli.overview import installed, overview
 from vispeg.core.disk import FULL, refused, why
 from vispeg.core.errors import UserError
 from vispeg.core.extras import lacks, missing
@@ -42,7 +42,7 @@ def run(argv: Sequence[str]) -> int:
     if argv[0] in ("-V", "--version"):
         print(f"vispeg {__version__}")
         return 0
-    commands = available()
+    commands = installed()
     if argv[0] not in commands:
         raise UserError("unknown command", got=argv[0], choices=commands)
     choose_backend()

@@ -7,6 +7,7 @@ import importlib.util
 import shutil
 import textwrap
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 # Name -> MODULE:FUNCTION of the command, or MODULE of its sub-commands. A module is imported when its command runs.
@@ -73,9 +74,9 @@ examples; `vispeg --version` the version. Example:
       --validate rig-c --out found"""
 
 
-def available() -> dict[str, str]:
-    """Return name -> first line of help for every installed command, without importing any."""
-    return {name: doc(place).partition("\n")[0] for name, place in COMMANDS.items() if _source(place) is not None}
+def installed() -> list[str]:
+    """Return the names of the installed commands, without importing any."""
+    return [name for name, place in COMMANDS.items() if _source(place) is not None]
 
 
 def page(name: str, below: Mapping[str, str]) -> str:
@@ -97,18 +98,23 @@ def _source(place: str) -> Path | None:
     return None if spec is None or spec.origin is None else Path(spec.origin)
 
 
+@cache
+def _tree(source: Path) -> ast.Module:
+    return ast.parse(source.read_text(encoding="utf-8"))
+
+
 def doc(place: str) -> str:
     """Return the docstring of MODULE:FUNCTION, or of MODULE."""
     source, name = _source(place), place.partition(":")[2]
     assert source is not None
-    tree = ast.parse(source.read_text(encoding="utf-8"))
+    tree = _tree(source)
     named = (node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == name)
     return ast.get_docstring(next(named, tree)) or ""
 
 
 def overview() -> str:
     """Return the text of `vispeg --help`."""
-    lines = available()
+    lines = {name: doc(COMMANDS[name]).partition("\n")[0] for name in installed()}
     width = max(map(len, lines), default=0)
     blocks = []
     for title, names in SECTIONS.items():
