@@ -56,3 +56,12 @@ def test_a_cell_has_its_cameras(vispeg, refused, tmp_path):
     (seen, felt) = load_model(tmp_path / "b.yaml").effects
     assert seen.label == "depth_scale(wrist_wide)" and felt.label == "coulomb_friction(joint4)"
     refused(["add", "b.yaml", "depth_scale", "wrist", "--out", "c.yaml"], "did you mean 'wrist_wide'")
+
+
+def test_an_unknown_key_of_a_parameter_is_one_line(vispeg, tmp_path):
+    text = "format: vispeg-model/1\neffects:\n  - effect: coulomb_friction\n    where: joint4\n    params: {torque: "
+    (tmp_path / "m.yaml").write_text(text + "{value: 1.2, low: 1.0, hgih: 1.4}}\n")
+    code, _, said = vispeg("compare", "m.yaml", "--recording", "none", "--out", "out")
+    assert (
+        code == 2 and "effects[0].params.torque.hgih: unknown key" in said and "choices: value, low, high, unit" in said
+    )

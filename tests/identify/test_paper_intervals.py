@@ -1,5 +1,8 @@
 """The paper's protocol says how well it knows: known truths lie in its intervals, and what a path hides is said."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from vispeg.cli.main import main
@@ -44,6 +47,18 @@ def test_what_the_path_shows_is_sure_and_what_it_hides_is_said(determined):
     assert values["link_mass(link1).mass"].high - values["link_mass(link1).mass"].low > 2.0
     for sure in ("link_mass(link4).mass", "viscous_friction(joint6).damping"):
         assert sure not in determined[2].undetermined and values[sure].low > 0, values[sure]
+
+
+def test_steps_without_a_measured_pose_are_not_compared(determined):
+    _, pieces, found = determined
+    measured = pieces.measured.copy()
+    measured[0, :3] = np.nan
+    some = replace(pieces, measured=measured)
+    (path,) = protocol.paths(some, [found.world])
+    left = np.linalg.norm((pieces.measured - path)[0, 3:])
+    assert protocol.cost(some, path) == pytest.approx(
+        protocol.cost(pieces, path) - np.linalg.norm((pieces.measured - path)[0]) + left
+    )
 
 
 def test_it_ends_at_the_cost_of_the_truth(determined):

@@ -151,7 +151,8 @@ def test_the_effects_go_into_a_model(tmp_path):
     assert [e.where for e in loaded.effects] == list(MODEL.joints[1:6])
 
 
-def test_a_row_that_was_moved_is_named(tmp_path):
+@pytest.mark.parametrize("above", ["", "# a robot\n# its poses\n"])
+def test_a_row_that_was_moved_is_named(tmp_path, above):
     q, position, turn = seen(stream(9, "odd"))
     position[11] += [0.01, 0, 0]
     file = table(
@@ -161,8 +162,9 @@ def test_a_row_that_was_moved_is_named(tmp_path):
         position,
         turn.as_quat(scalar_first=True),
     )
+    file.write_text(above + file.read_text())
     notes = measure_zeros(file, tmp_path / "zeros.yaml", "iiwa14").measurement.notes
-    assert [note for note in notes if "row 13 of poses.csv" in note]
+    assert [note for note in notes if f"row {13 + above.count('#')} of poses.csv" in note]
 
 
 @pytest.mark.parametrize(

@@ -93,6 +93,9 @@ def test_grip_is_told_from_hole_by_two_insertions_with_the_flange_turned():
     assert together([straight, turned])["grip_pose"] == ""
     assert together([straight, straight])["grip_pose"] != ""
     assert "turned by 90" in together([straight, examine(made(press(5.0)))])["grip_pose"], "one of them was inserted"
+    turned_outside = made(press(5.0), inside)
+    yaw = np.where(turned_outside.regime == PRESS, 1.5, 0.0)
+    assert "turned by 90" in examine(replace(turned_outside, yaw=yaw)).excited["grip_pose"]
     both = together([examine(made(slide(0.02), slide(-0.02))), examine(made(press(5.0), press(20.0)))])
     assert both["contact_friction"] == "" and both["contact_stiffness"] == "" and both["gripper_slip"]
 

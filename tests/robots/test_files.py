@@ -68,6 +68,14 @@ def test_urdf_keeps_every_link_and_guesses_no_mass(tmp_path):
     assert not model.dof_damping.any() and not model.dof_frictionloss.any() and not model.jnt_actfrclimited.any()
 
 
+@pytest.mark.parametrize(
+    "stated, low, high", [('upper="2"', 0, 2), ('lower="-1"', -1, 0), ('lower="" upper="2"', 0, 2)]
+)
+def test_urdf_limit_that_is_missing_is_zero(tmp_path, stated, low, high):
+    arm = load(write(tmp_path, URDF.replace('lower="-1" upper="2"', stated), "two.urdf"))
+    np.testing.assert_array_equal(arm.range, [[low, high], [-np.inf, np.inf]])
+
+
 def test_urdf_inertia_is_turned_as_stated(tmp_path):
     """The shoulder's inertia at rest, by hand: both links about the y axis, R I R' and parallel axes."""
     model = load(write(tmp_path, URDF, "two.urdf")).compile()

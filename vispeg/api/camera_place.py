@@ -16,6 +16,7 @@ from vispeg.core.provenance import digest, here
 from vispeg.core.rotation import quaternion
 from vispeg.measure.pose_table import Readings, check_form, poses_of, readings, together, two_poses
 from vispeg.recordings.tables.read import read_table
+from vispeg.recordings.tables.table import Table
 from vispeg.render.calibration.from_poses import Placed, place
 from vispeg.render.calibration.hand_eye import Mount
 from vispeg.render.calibration.known import read_intrinsics
@@ -96,14 +97,15 @@ def place_camera(
         UserError: no such table, motion that does not determine the pose, or units that the data do not determine.
     """
     path = Path(table)
-    robots, tags = _both(path, robot, orientation)
+    rows = read_table(path)
+    robots, tags = _both(rows, robot, orientation)
     flange, tag, said = together(robots, tags, path)
     try:
         found = place(tag, flange, mount)
     except UserError as error:
         raise UserError(f"the camera's pose cannot be determined: {error}", file=path) from error
     files = [p for p in (path, None if intrinsics is None else Path(intrinsics)) if p is not None]
-    record = _record(found, mount, said, path)
+    record = _record(found, mount, said, rows)
     record["provenance"] = here(None, {str(p): f"sha256:{digest(p)}" for p in files if p.exists()})
     return CameraPlace(
         record, None if intrinsics is None else _camera(Path(intrinsics), name, found, mount), tuple(files)
@@ -111,23 +113,22 @@ def place_camera(
 
 
 def _both(
-    path: Path, robot: str | None, form: str | None
+    table: Table, robot: str | None, form: str | None
 ) -> tuple[list[tuple[np.ndarray, str]], list[tuple[np.ndarray, str]]]:
     """Return all possible interpretations of the flange's and the tag's poses, (n, 4, 4) each."""
     if robot is None:
-        table = read_table(path)
         poses = two_poses(table)
-        check_form(form, poses, path)
+        check_form(form, poses, table.file)
         both = [poses_of(table, columns, form) for columns in poses]
         flange, tag = ([(_matrix(p, t), f"{who} {said}" if said else "") for p, t, said in ways]
                        for who, ways in zip(("the robot's", "the tag's"), both, strict=True))  # fmt: skip
         usual = [way for way in flange if _reached(way[0]) and "in cm" not in way[1]]  # cm must be stated in the header
         return usual or flange, tag
     model = load(placed(robot))
-    ways: list[Readings] = readings(path, model.joints, form)
+    ways: list[Readings] = readings(table, model.joints, form)
     if ways[0].turn is None:
         raise UserError(
-            "a tag's pose without orientation", file=path, expected="qw qx qy qz, rx ry rz or roll pitch yaw"
+            "a tag's pose without orientation", file=table.file, expected="qw qx qy qz, rx ry rz or roll pitch yaw"
         )
     angles = {way.said[0] if len(way.said) and way.said[0].startswith("joint") else "": way.angles for way in ways}
     flange = []
@@ -150,13 +151,13 @@ def _matrix(position: np.ndarray, turn: np.ndarray | None) -> np.ndarray:
     return out
 
 
-def _record(found: Placed, mount: Mount, said: str, path: Path) -> dict[str, Any]:
+def _record(found: Placed, mount: Mount, said: str, rows: Table) -> dict[str, Any]:
     eye, half = found.found, found.half
     notes = [f"taken as {said}: the header leaves it open, and no other reading fits"] if said else []
     for number, misfit in enumerate(eye.misfit):
         if misfit > ODD:
             notes.append(
-                f"row {number + 2} of {path.name} is {misfit:.1f} standard deviations off; moving, or swapped?"
+                f"{rows.row(number)} of {rows.file.name} is {misfit:.1f} standard deviations off; moving, or swapped?"
             )
     spread = np.ptp(np.stack([x[:3, 3] for x in eye.methods.values()]), axis=0).max()
     if spread > 3 * half[:3].max():

@@ -132,7 +132,8 @@ def fit_paper(
         lines[name] = piece.time, {"measured": piece.measured, "before": before, "after": after}
         row: dict[str, object] = {"recording": name, "fitted": name == fitted, "unit": "m"}
         row |= {"cost_before": protocol.cost(piece, before), "cost_after": protocol.cost(piece, after)}
-        rms = [float(np.sqrt(np.mean(_distance(piece.measured, y) ** 2))) for y in (before, after)]
+        known = np.isfinite(piece.measured).all(axis=-1)
+        rms = [float(np.sqrt(np.mean(_distance(piece.measured, y)[known] ** 2))) for y in (before, after)]
         rows.append(row | {"rms_before": rms[0], "rms_after": rms[1]})
     effects = tuple(e for e in final.effects if e not in world.effects)
     record = {

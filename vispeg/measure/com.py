@@ -61,7 +61,7 @@ def attitudes(readings: Readings, rng: np.random.Generator) -> Outcome:
     length = np.linalg.norm(down, axis=1)
     bad = np.flatnonzero(length < 1e-6)
     if len(bad):
-        raise UserError("gravity has no direction", file=readings.file, key=f"row {bad[0] + 2}", expected="gx, gy, gz")
+        raise UserError("gravity has no direction", file=readings.file, key=readings.row(bad[0]), expected="gx, gy, gz")
     down = down / length[:, None]
     apart = _apart(down)
     spread = np.linalg.svd(down - down.mean(axis=0), compute_uv=False)
@@ -228,7 +228,7 @@ def _refuse_flipped(force: np.ndarray, down: np.ndarray, r: Readings) -> None:
     digits = EXACT * float(np.sum(force**2))
     if _surely(float(left(total, each.sum())), float(turned[row]) + digits, 3.0 * n - 4, n):
         expected = "gravity's direction as the force's"
-        raise UserError("gravity is turned round", file=r.file, key=f"row {row + 2}, gx gy gz", expected=expected)
+        raise UserError("gravity is turned round", file=r.file, key=f"{r.row(row)}, gx gy gz", expected=expected)
 
 
 def _refuse_swapped(fit: _Fit, names: Sequence[str], r: Readings) -> None:

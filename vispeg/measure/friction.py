@@ -44,7 +44,7 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     values, read, function, name = _forms(form, readings)
     if not (np.isfinite(values) & (values > 0)).all():
         row = int(np.flatnonzero(~(np.isfinite(values) & (values > 0)))[0])
-        raise UserError("gives no coefficient of friction above 0", file=readings.file, key=f"row {row + 2}")
+        raise UserError("gives no coefficient of friction above 0", file=readings.file, key=readings.row(row))
     place = readings.place()
     mean = places(name.replace("_", " "), values, place)
     errors, law = instrument_law(readings, read, function)
@@ -80,6 +80,6 @@ def _angles(r: Readings, function):
     bad = np.flatnonzero((angle <= 0) | (angle >= np.pi / 2))
     if len(bad):
         got = f"{angle[bad[0]]:.4g} rad"
-        key, expected = f"row {bad[0] + 2}, column angle", "an angle between 0 and 90 degrees: rad, or angle_deg"
+        key, expected = f"{r.row(bad[0])}, column angle", "an angle between 0 and 90 degrees: rad, or angle_deg"
         raise UserError("is not an incline", file=r.file, key=key, expected=expected, got=got)
     return function(angle)

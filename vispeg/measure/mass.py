@@ -28,7 +28,7 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     net = readings["mass"] - (0.0 if tare is None else tare)
     bad = np.flatnonzero(net <= 0)
     if len(bad):
-        key = f"row {bad[0] + 2}, column mass"
+        key = f"{readings.row(bad[0])}, column mass"
         expected = "above 0 kg" + (" when the tare is taken off" if tare is not None else "")
         raise UserError("is not a mass", file=readings.file, key=key, expected=expected, got=float(net[bad[0]]))
     inputs = [repeated("repeats", net), *readings.instrument("mass")]

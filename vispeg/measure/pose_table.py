@@ -20,7 +20,6 @@ from vispeg.core.errors import UserError
 from vispeg.recordings.importers.guess.names import meaning, split
 from vispeg.recordings.importers.guess.propose import Proposal, joint_columns, own_names
 from vispeg.recordings.importers.mapping import FACTORS
-from vispeg.recordings.tables.read import read_table
 from vispeg.recordings.tables.table import Dialect, Table
 from vispeg.render.calibration.rigid import inverse
 
@@ -114,18 +113,18 @@ def pose_columns(names: Sequence[str], file: Path) -> PoseColumns:
     return PoseColumns(tuple(whole["position"][k] for k in "xyz"), turn, turns[0] if turns else "")
 
 
-def readings(file: Path, joints: Sequence[str], form: str | None = None) -> list[Readings]:
+def readings(table: Table, joints: Sequence[str], form: str | None = None) -> list[Readings]:
     """Return all interpretations of a table that its header allows.
 
     Args:
-        file: a .csv, .csv.gz or .parquet table.
+        table: as `read_table` returns it.
         joints: the robot's joints; empty to read no angles.
         form: meaning of three orientation angles, a key of TURNS; None if not known.
 
     Raises:
         UserError: no pose, joints without columns, an empty cell, or values that are impossible in every unit.
     """
-    table = read_table(file)
+    file = table.file
     columns = pose_columns(table.names, file)
     check_form(form, [columns], file)
     angles = None if not joints else _angles(table, joints, {*columns.position, *columns.turn})

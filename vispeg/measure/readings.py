@@ -27,12 +27,18 @@ class Readings:
         columns: name without its unit -> (n,) in SI units.
         resolution: name -> one digit of the instrument, SI.
         accuracy: name -> limit of the instrument's error, SI.
+        first_row: number of the first reading in messages, as `Table.first_row`.
     """
 
     file: Path
     columns: Mapping[str, np.ndarray]
     resolution: Mapping[str, float] = field(default_factory=dict)
     accuracy: Mapping[str, float] = field(default_factory=dict)
+    first_row: int = 2
+
+    def row(self, index: int | np.integer) -> str:
+        """Name a reading in messages by its row in the table."""
+        return f"row {self.first_row + int(index)}"
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
@@ -80,7 +86,7 @@ def read(file: Path, resolution: Iterable[str], accuracy: Iterable[str]) -> Read
         if name in columns:
             raise UserError("the same column in two units", file=file, key=full)
         columns[name] = factor * _complete(table, full)
-    return of_instruments(Readings(file, columns), resolution, accuracy)
+    return of_instruments(Readings(file, columns, first_row=table.first_row), resolution, accuracy)
 
 
 def of_instruments(readings: Readings, resolution: Iterable[str], accuracy: Iterable[str]) -> Readings:

@@ -45,7 +45,7 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     bad = np.flatnonzero(~(np.isfinite(values) & (values > 0) & (values <= 1)))
     if len(bad):
         got = float(values[bad[0]])
-        raise UserError("is not a bounce", file=readings.file, key=f"row {bad[0] + 2}", expected="0 < e <= 1", got=got)
+        raise UserError("is not a bounce", file=readings.file, key=readings.row(bad[0]), expected="0 < e <= 1", got=got)
     drop = readings.columns.get("drop")
     groups = None if drop is None else _heights(drop, 2.0 * readings.accuracy.get("drop", 0.0) or BY_HAND)
     mean = places("restitution", values, groups)

@@ -67,7 +67,7 @@ def _slopes(r: Readings) -> dict[tuple[float, int, float], float]:
     pose, ramp, on = r.columns.get("pose", zero), r.columns.get("ramp", zero), r["on"]
     odd = np.flatnonzero((on != 0) & (on != 1))
     if len(odd):
-        key = f"row {odd[0] + 2}, column on"
+        key = f"{r.row(odd[0])}, column on"
         raise UserError(
             "is neither 0 nor 1", file=r.file, key=key, expected="0 (stop) or 1 (fixture)", got=float(on[odd[0]])
         )

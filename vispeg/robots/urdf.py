@@ -45,6 +45,7 @@ def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
         raise UserError("not a URDF", file=path, expected="<robot>", got=f"<{root.tag}>")
     _refuse_xacro(root, path)
     check_urdf(root, path)
+    _complete_ranges(root)
     every = [(j.get("name", ""), j.find("limit")) for j in root.iter("joint")]
     limits = {name: _limits(name, limit, path) for name, limit in every if limit is not None}
     options = _options(root, path)
@@ -70,6 +71,17 @@ def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
         visual = geom.contype == 0 and geom.conaffinity == 0
         geom.group = 2 if visual else 3
     return spec, limits
+
+
+def _complete_ranges(root: ET.Element) -> None:
+    """Write the 0 that URDF means by a missing `lower` or `upper`; a joint with neither has no range.
+
+    MuJoCo takes a joint with one of them as unlimited.
+    """
+    for limit in root.iterfind("joint/limit"):
+        if limit.get("lower") or limit.get("upper"):
+            for key in ("lower", "upper"):
+                limit.set(key, limit.get(key) or "0")
 
 
 def _limits(joint: str, limit: ET.Element, path: Path) -> tuple[float, float]:

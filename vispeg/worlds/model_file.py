@@ -25,6 +25,7 @@ from vispeg.worlds.world import World
 FORMAT = "vispeg-model/1"
 MODEL = Format(FORMAT, "a model", keys=("robot", "tool", "cell", "effects"))
 ENTRY = ("effect", "where", "params", "partial", "tentative", "origin")  # keys of one effect
+PARTS = ("value", "low", "high", "unit")  # keys of one parameter
 MARKS = ("partial", "tentative")  # those that are true or false
 DEFAULT = "iiwa14"  # robot of a file that states neither robot nor cell
 
@@ -143,9 +144,13 @@ def _value(value: Any, param: Param, file: Path, key: str) -> Value:
     """Read a parameter's value: a number, or a mapping with value, low, high and unit.
 
     Raises:
-        UserError: another unit, a part that is no finite number, a value out of bounds, or an inverted interval.
+        UserError: an unknown key, another unit, a part that is no finite number, a value out of bounds, or an inverted
+            interval.
     """
     raw = value if isinstance(value, Mapping) else {"value": value}
+    unknown = [str(k) for k in raw if k not in PARTS]
+    if unknown:
+        raise UserError("unknown key", file=file, key=f"{key}.{unknown[0]}", choices=PARTS)
     unit = raw.get("unit", param.unit)
     if unit != param.unit:
         raise UserError("wrong unit", file=file, key=f"{key}.unit", expected=param.unit, got=unit)

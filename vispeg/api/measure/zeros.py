@@ -19,6 +19,8 @@ from vispeg.measure.becomes import placed
 from vispeg.measure.pose_table import Readings, best, readings
 from vispeg.measure.screws import Screws
 from vispeg.measure.zeros import Confounded, Poses, Zeros, half_width, roughly, solve
+from vispeg.recordings.tables.read import read_table
+from vispeg.recordings.tables.table import Table
 from vispeg.robots.model import load
 from vispeg.sim.compiled import flange_pose
 from vispeg.worlds.measurement_file import Measurement, Quantity
@@ -64,7 +66,8 @@ def measure_zeros(
     def misfit(way: Readings) -> tuple[float, float]:
         return roughly(_poses(way), arm, **fixed)
 
-    way = best(readings(path, model.joints, orientation), misfit, path)
+    rows = read_table(path)
+    way = best(readings(rows, model.joints, orientation), misfit, path)
     try:
         found = solve(_poses(way), arm, **fixed)
     except UserError as error:
@@ -77,7 +80,7 @@ def measure_zeros(
         tuple(effects),
         robot,
         dict(settings.conditions or {}),
-        notes=tuple(_notes(found, way, model.joints, path)),
+        notes=tuple(_notes(found, way, model.joints, rows)),
         details=_details(found, **fixed),
     )
     return write(measurement, Path(out).expanduser(), [path], settings)
@@ -144,7 +147,7 @@ def _details(found: Zeros, base_known: bool, tool_known: bool) -> dict[str, Any]
     return out
 
 
-def _notes(found: Zeros, way: Readings, joints: Sequence[str], path: Path) -> list[str]:
+def _notes(found: Zeros, way: Readings, joints: Sequence[str], rows: Table) -> list[str]:
     """Return lines on the choices made, the residuals, and on joints and rows that deserve a look."""
     out = [f"taken as {', '.join(way.said)}: the header leaves it open, and no other reading fits"] if way.said else []
     left = f"left are {1e3 * found.error_m:.3g} mm an axis"
@@ -162,7 +165,9 @@ def _notes(found: Zeros, way: Readings, joints: Sequence[str], path: Path) -> li
     if large:
         out.append(f"beyond the limit of the effect encoder_offset ({most:g} rad): {', '.join(large)}; another zero?")
     for row, size in found.odd.items():
-        out.append(f"row {row + 2} of {path.name} is {size:.1f} standard deviations off: moved, or another pose?")
+        out.append(
+            f"{rows.row(row)} of {rows.file.name} is {size:.1f} standard deviations off: moved, or another pose?"
+        )
     return out
 
 

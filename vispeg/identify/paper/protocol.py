@@ -40,7 +40,7 @@ class Pieces:
     Attributes:
         robot: the nominal robot.
         segments: as `simulate` takes them, with `STEPS` sample times each.
-        measured: (npiece, nstep, 3) m, flange positions in the base frame.
+        measured: (npiece, nstep, 3) m, flange positions in the base frame; NaN where none was measured.
     """
 
     robot: RobotModel
@@ -102,8 +102,11 @@ def paths(pieces: Pieces, worlds: Sequence[World], nthread: int = 1) -> np.ndarr
 
 
 def cost(pieces: Pieces, simulated: np.ndarray) -> float:
-    """Return the sum over pieces of the 2-norm of measured minus simulated positions (npiece, nstep, 3), m."""
-    gap = np.nan_to_num(pieces.measured - simulated, nan=WORST)
+    """Return the sum over pieces of the 2-norm of measured minus simulated positions (npiece, nstep, 3), m.
+
+    Steps without a measured position are not compared.
+    """
+    gap = np.where(np.isnan(pieces.measured), 0.0, np.nan_to_num(pieces.measured - simulated, nan=WORST))
     return float(np.linalg.norm(gap.reshape(len(gap), -1), axis=1).sum())
 
 

@@ -32,7 +32,6 @@ class ContactCheck:
         directions: number of direction sectors, of 8, in which the tip slid.
         hits: speeds of the impacts, m/s.
         begins_free: time in free air at the start of an episode, s, the least over episodes.
-        yaw: least and greatest rotation of the flange about the vertical in contact, rad; both 0 without contact.
         extent: how much the recording contains of the excitation that effects need.
         excited: effect -> "" if the recording can identify it, else the reason why not.
     """
@@ -44,7 +43,6 @@ class ContactCheck:
     directions: int
     hits: tuple[float, ...]
     begins_free: float
-    yaw: tuple[float, float]
     extent: Extent
     excited: Mapping[str, str]
 
@@ -90,11 +88,10 @@ def examine(t: Touched) -> ContactCheck:
     flat = t.velocity[sliding][:, :2]
     sectors = np.unique(np.floor(np.arctan2(flat[:, 1], flat[:, 0]) / (np.pi / 4) + 0.5).astype(int) % 8)
     first = (t.regime == IMPACT) & np.concatenate([[True], t.regime[:-1] != IMPACT])
-    hits = tuple(float(speed[max(0, i - BEFORE) : i + 1].max()) for i in np.flatnonzero(first))
-    touching = t.regime != FREE
-    yaw = (float(t.yaw[touching].min()), float(t.yaw[touching].max())) if touching.any() else (0.0, 0.0)
+    begins = np.searchsorted(t.episode, t.episode)  # the first sample of each sample's episode
+    hits = tuple(float(speed[max(begins[i], i - BEFORE) : i + 1].max()) for i in np.flatnonzero(first))
     free = min(_free_start(t, number) for number in np.unique(t.episode))
-    extent = _extent(t, seconds, sectors, free, yaw, step)
+    extent = _extent(t, seconds, sectors, free, step)
     return ContactCheck(
         seconds=seconds,
         forces=forces,
@@ -103,7 +100,6 @@ def examine(t: Touched) -> ContactCheck:
         directions=len(sectors),
         hits=hits,
         begins_free=free,
-        yaw=yaw,
         extent=extent,
         excited=_excited(extent),
     )
@@ -122,7 +118,6 @@ def _extent(
     seconds: Mapping[str, float],
     sectors: np.ndarray,
     free: float,
-    yaw: tuple[float, float],
     step: float,
 ) -> Extent:
     """Return the excitation of contact; `free` is `begins_free`, `step` the sample time in s, the rest as in `examine`.
@@ -131,6 +126,7 @@ def _extent(
     """
     steady = t.force[(t.regime == PRESS) | (t.regime == INSIDE)]
     forces = (float(np.quantile(steady, 0.1)), float(np.quantile(steady, 0.95))) if len(steady) > STEADY else None
+    yaw = t.yaw[t.regime == INSIDE]
     slid, inserted = seconds[REGIMES[SLIDE]], seconds[REGIMES[INSIDE]]
     return Extent(
         begins_free=free,
@@ -142,7 +138,7 @@ def _extent(
         sectors=tuple(sectors.tolist()),
         blows=t.blows,
         hard=float(np.sum(t.force[t.regime == PRESS] >= HARD)) * step,
-        yaw=yaw if inserted >= LONG else None,
+        yaw=(float(yaw.min()), float(yaw.max())) if inserted >= LONG else None,
         goal=t.goal,
     )
 

@@ -97,8 +97,8 @@ def _drawn(
     out = cv2.resize(pale, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
     along = np.nan_to_num(arrays[name + f"along_{word}"])
     for at, n, off in zip(arrays[name + "pixel"], arrays[name + "normal"], along, strict=True):
-        start = tuple(int(round(v)) for v in scale * at)
-        end = tuple(int(round(v)) for v in scale * (at + SHOWN * off * n))
+        start = tuple(int(round(v)) for v in scale * (at + 0.5) - 0.5)
+        end = tuple(int(round(v)) for v in scale * (at + SHOWN * off * n + 0.5) - 0.5)
         if abs(off) > LEAST:
             cv2.line(out, start, end, colour, 1, cv2.LINE_AA)
         else:
