@@ -19,8 +19,8 @@ from vispeg.task.start import home
 from vispeg.vision.blur import softness
 from vispeg.vision.borders import Borders, borders_of
 from vispeg.vision.check import check_frames, warnings_of
-from vispeg.vision.excites import View, _of_time, _robot, excited
 from vispeg.vision.eye import posed
+from vispeg.vision.precision import View, _of_time, _robot, precisions
 from vispeg.vision.predict import Predictor
 from vispeg.vision.search import search
 from vispeg.worlds.world import World
@@ -91,8 +91,7 @@ def test_the_arm_s_repeatability_moves_what_it_carries_against_the_rest(camera, 
     with Predictor(scene, cameras) as predictor:
         geometry, q = predictor.geometry, home(scene) + [0, 0, 0, 0, 0, 0.3, 0]  # the hole in sight of the wrist
         view = View(borders_of(predictor.draw(camera, q), geometry, step=1.0), q, np.zeros(7))
-        names = [("camera_offset", axis) for axis in ("x", "y", "z", "rx", "ry", "rz")]
-        found = _robot([np.ones(len(view.borders))] * 6, names, view, geometry, camera)
+        found = _robot(np.ones((len(view.borders), 6)), view, geometry, camera)
     hand = scene.compile().body("tool").id
     model = geometry.model
     weld = model.body_weldid[view.borders.body]
@@ -111,7 +110,7 @@ def told(name, scene, cameras, fixed=False):
             q = motion.q_cmd[75 if fixed else i]
             borders = borders_of(predictor.draw("wrist_wide", q), predictor.geometry)
             views.append(View(borders, q, 0 * q if fixed else motion.dq_cmd[i]))
-        return {f"{t.effect}.{t.parameter}": t for t in excited(predictor.geometry, "wrist_wide", views)}
+        return {f"{t.effect}.{t.parameter}": t for t in precisions(predictor.geometry, "wrist_wide", views)}
 
 
 def test_motions_tell_what_theory_says():

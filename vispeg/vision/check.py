@@ -15,8 +15,8 @@ from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.vision.blur import softness
 from vispeg.vision.borders import Borders, borders_of
-from vispeg.vision.excites import Precision, View, excited
 from vispeg.vision.eye import camera_of
+from vispeg.vision.precision import Precision, View, precisions
 from vispeg.vision.predict import Predictor
 from vispeg.vision.search import search
 from vispeg.worlds.world import World
@@ -162,7 +162,7 @@ def _views(rec: Recording, frames: Frames, scene: Scene) -> Mapping[str, Any]:
             soft.append(_soft(frames[int(i)], borders))
         if not any(len(view.borders) for view in views):
             return {"coverage": 0.0} if views else {}
-        excitations = excited(predictor.geometry, name, views)
+        precision = precisions(predictor.geometry, name, views)
         speed = _speed(predictor, name, views)
     parts = list(scene.parts)
     carried = [1 + parts.index(part) for part in ("gripper", scene.held) if part in parts]
@@ -176,7 +176,7 @@ def _views(rec: Recording, frames: Frames, scene: Scene) -> Mapping[str, Any]:
         "tilt": tilt,
         "roll": roll,
         "speed": speed,
-        "precision": tuple(excitations),
+        "precision": tuple(precision),
     }
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,21 +19,42 @@ from vispeg.vision.borders import Borders
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
-# effect -> parameter: step of the difference, sigma below which it is determined (both in the parameter's unit), unit
-# in which it is reported, factor to that unit
-NUMBERS: dict[str, dict[str, tuple[float, float, str, float]]] = {
-    "focal_error": {"fx": (1e-4, 2e-3, "%", 100.0), "fy": (1e-4, 2e-3, "%", 100.0)},
-    "principal_point_error": {"x": (1e-2, 0.5, "px", 1.0), "y": (1e-2, 0.5, "px", 1.0)},
-    "lens_distortion": {"k1": (1e-4, 5e-3, "1", 1.0)},
-    "camera_offset": {
-        **{axis: (1e-5, 5e-4, "mm", 1e3) for axis in "xyz"},
-        **{axis: (1e-5, 1.75e-3, "deg", 57.29578) for axis in ("rx", "ry", "rz")},
-    },
-}
-# effect, parameter, sigma below which it is determined, unit, factor: in the order of `_of_time`
-TIMES = (("camera_delay", "delay", 2e-3, "ms", 1e3), ("rolling_shutter", "readout", 4e-3, "ms", 1e3))
-FIXTURE_PRIOR = 5e-3  # m, sigma of the known place of a thing
-STEP = 1e-5  # m, of the difference that moves a thing
+
+class Number(NamedTuple):
+    """A number that describes an error of a camera: a parameter of an effect.
+
+    Attributes:
+        effect, parameter: the effect and its parameter.
+        step: of the finite difference, in the parameter's own unit.
+        enough: sigma below which it is determined, in the same unit.
+        unit: unit in which its precision is reported.
+        factor: from its own unit to that one.
+    """
+
+    effect: str
+    parameter: str
+    step: float
+    enough: float
+    unit: str
+    factor: float
+
+
+DELAY_STEP = 1e-3  # s
+PLACED = (
+    Number("focal_error", "fx", 1e-4, 2e-3, "%", 100.0),
+    Number("focal_error", "fy", 1e-4, 2e-3, "%", 100.0),
+    Number("principal_point_error", "x", 1e-2, 0.5, "px", 1.0),
+    Number("principal_point_error", "y", 1e-2, 0.5, "px", 1.0),
+    Number("lens_distortion", "k1", 1e-4, 5e-3, "1", 1.0),
+    *(Number("camera_offset", axis, 1e-5, 5e-4, "mm", 1e3) for axis in "xyz"),
+    *(Number("camera_offset", axis, 1e-5, 1.75e-3, "deg", 57.29578) for axis in ("rx", "ry", "rz")),
+)
+TIMED = (  # in the order of `_of_time`
+    Number("camera_delay", "delay", DELAY_STEP, 2e-3, "ms", 1e3),
+    Number("rolling_shutter", "readout", DELAY_STEP, 4e-3, "ms", 1e3),
+)
+FIXTURE_PRIOR = 5e-3  # m, sigma of the known position of an object in the scene
+STEP = 1e-5  # m, of the finite difference that moves such an object
 ROBOT_M, ROBOT_RAD = 1e-4, 3.5e-4  # m, rad, sigma with which an arm comes back to a pose
 BORDER = 1.5  # px, sigma of a border point: 0.3 px, times the root of 25 neighbours that share their error
 # Sigma of what is known of each parameter beforehand, in its own unit (1, px, m, rad, s), by the unit of its report:
@@ -47,7 +69,7 @@ class Precision:
     Attributes:
         effect, parameter: the effect and its parameter.
         sigma: its standard deviation, in `unit`.
-        determined: whether that is below the limit in `NUMBERS` or `TIMES`.
+        determined: whether that is below `Number.enough`.
     """
 
     effect: str
@@ -66,79 +88,85 @@ class View:
     dq: np.ndarray
 
 
-def excited(geometry: Geometry, camera: str, views: Sequence[View]) -> list[Precision]:
-    """Return how well these views of a camera determine each parameter of its errors.
+def precisions(geometry: Geometry, camera: str, views: Sequence[View]) -> list[Precision]:
+    """Return how well these views of a camera determine each number of its errors.
 
     Args:
-        geometry: of the cell; it is moved.
+        geometry: of the cell; it is moved, and left in the nominal world.
         camera: its name.
         views: with borders as predicted in the nominal world.
     """
-    names = [(effect, p, *spec) for effect, many in NUMBERS.items() for p, spec in many.items()]
-    shifts = [(body, axis) for body in _standing(geometry) for axis in range(3)]
-    size = len(names) + len(TIMES) + len(shifts)
     (height,) = [c.height for c in geometry.cameras if c.name == camera]
-    information = np.zeros((size, size))
-    columns: list[list[np.ndarray]] = [[] for _ in views]
-    worlds = [World(effects=(EffectInstance.of(e, camera, **{p: step}),)) for e, p, step, *_ in names]
-    steps = [step for _, _, step, *_ in names]
-    for world, step in zip(worlds, steps, strict=True):
-        geometry.place(world)
+    columns: list[list[np.ndarray]] = [[] for _ in views]  # of each view: a derivative (n,) for each unknown
+
+    def differentiate(step: float) -> None:
         for view, into in zip(views, columns, strict=True):
             geometry.at(view.q)
             into.append(view.borders.moved(geometry, camera) / step)
+
+    for n in PLACED:
+        geometry.place(World(effects=(EffectInstance.of(n.effect, camera, **{n.parameter: n.step}),)))
+        differentiate(n.step)
     geometry.place(World())
+    for view, into in zip(views, columns, strict=True):
+        geometry.at(view.q - DELAY_STEP * view.dq)  # a delayed picture shows an earlier posture
+        into += _of_time(view.borders.moved(geometry, camera) / DELAY_STEP, view.borders, height)
+    shifts = [(body, axis) for body in _standing(geometry) for axis in range(3)]
     for body, axis in shifts:
         geometry.model.body_pos[body, axis] += STEP
-        for view, into in zip(views, columns, strict=True):
-            geometry.at(view.q)
-            into.append(view.borders.moved(geometry, camera) / STEP)
+        differentiate(STEP)
         geometry.model.body_pos[body, axis] -= STEP
+
+    numbers = [*PLACED, *TIMED]
+    prior = [PRIOR[n.unit] for n in numbers] + [FIXTURE_PRIOR] * len(shifts)
+    information = np.diag(1 / np.square(prior))
     for view, into in zip(views, columns, strict=True):
-        geometry.at(view.q - 1e-3 * view.dq)
-        into[len(names) : len(names)] = _of_time(view.borders.moved(geometry, camera) / 1e-3, view.borders, height)
-        information += _of_view(np.column_stack(into), _robot(into, names, view, geometry, camera))
-    units = [unit for _, _, _, _, unit, _ in names] + [unit for _, _, _, unit, _ in TIMES]
-    prior = [PRIOR[unit] for unit in units] + [FIXTURE_PRIOR] * len(shifts)
-    sigma = np.sqrt(np.diag(np.linalg.inv(information + np.diag(1 / np.square(prior)))))
-    numbers = [(effect, p, enough, unit, factor) for effect, p, _, enough, unit, factor in names] + [*TIMES]
+        offset = np.column_stack(
+            [x for n, x in zip(PLACED, into[: len(PLACED)], strict=True) if n.effect == "camera_offset"]
+        )
+        information += _of_view(np.column_stack(into), _robot(offset, view, geometry, camera))
+    sigma = np.sqrt(np.diag(np.linalg.inv(information)))[: len(numbers)]
     return [
-        Precision(effect, p, float(s * factor), unit, bool(s < enough))
-        for (effect, p, enough, unit, factor), s in zip(numbers, sigma, strict=False)
+        Precision(n.effect, n.parameter, float(s * n.factor), n.unit, bool(s < n.enough))
+        for n, s in zip(numbers, sigma, strict=True)
     ]
 
 
 def _standing(geometry: Geometry) -> list[int]:
-    """Return the ids of the scene's things that do not move with the arm."""
+    """Return the body ids of the scene's objects that do not move with the arm."""
     bodies = [geometry.model.body(name).id for name in geometry.scene.things]
     return [body for body in bodies if geometry.model.body_weldid[body] == 0]
 
 
 def _of_time(late: np.ndarray, borders: Borders, height: int) -> list[np.ndarray]:
-    """Return the displacement (n,) of borders along their normals for a second of delay and of read-out time, px/s.
+    """Return the speeds (n,) px/s of borders along their normals per second of delay, and per second of read-out time.
 
     Args:
-        late: (n,) px/s, for a second of delay.
+        late: (n,) px/s, per second of delay.
         borders: the borders; rows below the middle are read later, those above earlier.
         height: of the image, px.
     """
     return [late, late * (0.5 - borders.pixel[:, 1] / (height - 1))]
 
 
-def _robot(
-    into: Sequence[np.ndarray], names: Sequence[tuple], view: View, geometry: Geometry, camera: str
-) -> np.ndarray:
+def _robot(offset: np.ndarray, view: View, geometry: Geometry, camera: str) -> np.ndarray:
     """Return the displacement (n, 6) px of borders for one sigma of each of the flange's errors in position and angle.
 
-    If camera or border, and not both, are carried by the flange, it is that of the camera's offset (to within a sign,
-    which does not matter, and the lever arm of the angles); otherwise they do not move relative to each other.
+    If the flange carries either the camera or the border, but not both, its errors displace the border as an offset of
+    the camera does, except for a sign, which does not matter, and for the lever arm of the angles, which is neglected.
+    Otherwise camera and border do not move relative to each other.
+
+    Args:
+        offset: (n, 6) px per m and px per rad, displacement for an offset of the camera.
+        view: the view.
+        geometry: of the cell.
+        camera: its name.
     """
     model = geometry.model
     flange = model.body_weldid[model.site_bodyid[model.site(geometry.scene.flange).id]]
     things = [model.body(name).id for name in geometry.scene.things]
     carried = np.isin(np.arange(model.nbody), [b for b in things if model.body_weldid[b] != 0])
     carried |= model.body_weldid == flange
-    offset = np.column_stack([into[i] for i, (effect, *_) in enumerate(names) if effect == "camera_offset"])
     moves = carried[view.borders.body] != carried[geometry.carrier(camera)]
     return np.where(moves[:, None], offset, 0.0) * np.repeat([ROBOT_M, ROBOT_RAD], 3)
 
@@ -147,7 +175,7 @@ def _of_view(J: np.ndarray, robot: np.ndarray) -> np.ndarray:
     """Return the information J' C^-1 J of one view, C = BORDER^2 I + robot robot' (inverted by Woodbury's identity).
 
     Args:
-        J: (n, k) px a unit, derivatives of the borders by the k unknowns.
+        J: (n, k) px per unit, derivatives of the borders by the k unknowns.
         robot: (n, 6) px, see `_robot`.
     """
     J = np.nan_to_num(J)
