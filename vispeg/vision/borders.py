@@ -15,13 +15,14 @@ from scipy.spatial import cKDTree
 from vispeg.vision.geometry import Geometry
 from vispeg.vision.predict import Rendering
 
-HALVINGS = 7  # of the step between two pixels, until a border lies within 1/256 px
-REACH = 6.0  # px along a border from which its direction is taken: a shorter piece follows round corners
-STRAIGHT = 0.25  # px RMS off a line beyond which there is a corner, whose normal says nothing
-FREE = 12.0  # px along a normal that are looked over for other borders
-# px from a border within which a crease of one of its own two surfaces, which looks like a border, is taken for it;
-# px between rays; least change of a surface's slope; of a crease's, what a smooth surface beside it bends by at most
-CREASE, APART, BEND, SMOOTH = 3.0, 0.25, 0.3, 0.05
+HALVINGS = 7  # of the step of 1 px between two pixels: a border is located to 1/128 px
+REACH = 6.0  # px, radius of the neighbourhood that gives the direction of a border: a smaller one follows round corners
+STRAIGHT = 0.25  # px RMS off a line beyond which the neighbourhood contains a corner, so that it has no direction
+FREE = 12.0  # px, distance along a normal within which other borders are searched
+CREASE = 3.0  # px from a border within which an edge of the picture may come from a crease of one of its surfaces
+APART = 0.25  # px between the rays that look for a crease
+BEND = 0.3  # least change of a surface's slope, in m of depth per m across, that counts as a crease
+SMOOTH = 0.05  # largest bend beyond a crease, as a share of the bend at it; a rounded surface bends more
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +51,11 @@ class Borders:
         return len(self.pixel)
 
     def some(self, rows: np.ndarray) -> Borders:
-        """Those at these indices, or where (n,) bool holds."""
+        """Select points by indices or by a mask (n,) bool."""
         return Borders(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
     def moved(self, geometry: Geometry, camera: str) -> np.ndarray:
-        """(n,) px along the normals by which the points lie elsewhere in the geometry's world and posture."""
+        """Return the displacement (n,) px of the points along their normals in the geometry's world and posture."""
         return np.einsum("ni,ni->n", geometry.project(camera, self.body, self.local) - self.pixel, self.normal)
 
 
@@ -64,15 +65,15 @@ def borders_of(rendering: Rendering, geometry: Geometry, step: float = 2.0, marg
     Args:
         rendering: the picture.
         geometry: in the world and posture that it was drawn in.
-        step: px between two points of a border, about.
-        margin: px at the edge of the image without points.
+        step: approximate distance between two points of a border, px.
+        margin: width of the frame at the edge of the image that has no points, px.
     """
     name = rendering.eye.believed.name
     inner, outer = _crossings(rendering.parts)
     height, width = rendering.parts.shape
     mid = (inner + outer) / 2
-    far = np.minimum(mid, (width - 1, height - 1) - mid).min(axis=1) if len(mid) else np.zeros(0)
-    inner, outer = inner[far > margin], outer[far > margin]
+    inside = np.minimum(mid, (width - 1, height - 1) - mid).min(axis=1) > margin
+    inner, outer = inner[inside], outer[inside]
     sides = _bisected(geometry, name, inner, outer)
     if sides is None:
         return _none()
@@ -86,24 +87,25 @@ def borders_of(rendering: Rendering, geometry: Geometry, step: float = 2.0, marg
 
 
 def _none() -> Borders:
+    """Return no points."""
     flat, pair, place = np.zeros((0, 2)), np.zeros((0, 2), np.int64), np.zeros((0, 3))
     return Borders(flat, flat, pair, np.zeros(0), np.zeros(0, np.int64), place, flat)
 
 
 def _crossings(parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Centres (n, 2) px of neighbouring pixels that show different parts."""
-    down, right = np.nonzero(parts[:, 1:] != parts[:, :-1]), np.nonzero(parts[1:] != parts[:-1])
-    first = np.concatenate([np.stack(down[::-1], 1), np.stack(right[::-1], 1)]).astype(float)
-    step = np.concatenate([np.tile([1.0, 0.0], (len(down[0]), 1)), np.tile([0.0, 1.0], (len(right[0]), 1))])
+    """Return the centres of two neighbouring pixels that show different parts, each (n, 2) px, right and down."""
+    right, down = np.nonzero(parts[:, 1:] != parts[:, :-1]), np.nonzero(parts[1:] != parts[:-1])
+    first = np.concatenate([np.stack(right[::-1], 1), np.stack(down[::-1], 1)]).astype(float)
+    step = np.concatenate([np.tile([1.0, 0.0], (len(right[0]), 1)), np.tile([0.0, 1.0], (len(down[0]), 1))])
     return first, first + step
 
 
 def _bisected(geometry: Geometry, name: str, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, ...] | None:
-    """Where between pixels a and b (n, 2) the part changes.
+    """Find where between pixels a and b (n, 2) the part changes, by bisection with rays.
 
     Returns:
         Points (m, 2) px on the near side of the border, parts (m, 2) near and far, direction (m, 2) to the far side,
-        depth (m,) m and geom (m,) of the near side; None where there is no border at all.
+        depth (m,) m and geom (m,) of the near side; None if there is no border at all.
     """
     if not len(a):
         return None
@@ -121,31 +123,33 @@ def _bisected(geometry: Geometry, name: str, a: np.ndarray, b: np.ndarray) -> tu
             old[same] = new[same]
         for old, new in zip(second, now, strict=True):
             old[~same] = new[~same]
-    lit = (first[0] > 0) | (second[0] > 0)
-    reach = [np.where(end[0] > 0, end[0], np.inf) for end in (first, second)]
-    near = reach[0] <= reach[1]  # the first is the nearer
+    hit = (first[0] > 0) | (second[0] > 0)
+    depths = [np.where(end[0] > 0, end[0], np.inf) for end in (first, second)]
+    near = depths[0] <= depths[1]  # the first is the nearer
     at = np.where(near[:, None], a, b)
     pairs = np.stack([np.where(near, first[2], second[2]), np.where(near, second[2], first[2])], 1)
     toward = np.where(near[:, None], b - a, a - b)
     toward = toward / np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-12)
     depth, geom = (np.where(near, first[k], second[k]) for k in (0, 1))
-    return tuple(x[lit] for x in (at, pairs, toward, depth, geom)) if lit.any() else None
+    return tuple(x[hit] for x in (at, pairs, toward, depth, geom)) if hit.any() else None
 
 
 def _normals(at: np.ndarray, pairs: np.ndarray, toward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return normals (n, 2) of borders through points (n, 2), and whether the border is straight enough there to have
-    one.
+    """Return unit normals (n, 2) of borders through points, and whether each border is straight there, (n,) bool.
 
-    The direction is that of least spread of the neighbours on the same border.
+    The normal is the direction of least spread of the neighbours between the same parts, on the side of `toward`.
+
+    Args:
+        at, pairs, toward: points, parts and direction to the far side, as `_bisected` returns them.
     """
     kind = np.unique(pairs, axis=0, return_inverse=True)[1].reshape(-1, 1)
-    tree = cKDTree(np.concatenate([at, 100.0 * REACH * kind], 1))
+    tree = cKDTree(np.concatenate([at, 100.0 * REACH * kind], 1))  # other parts are out of reach in the third axis
     i, j = tree.query_pairs(REACH, output_type="ndarray").T
     i, j = np.concatenate([i, j]), np.concatenate([j, i])
     count = np.bincount(i, minlength=len(at)) + 1
     mean = at + np.stack([np.bincount(i, (at[j] - at[i])[:, k], len(at)) for k in (0, 1)], 1) / count[:, None]
     spread = np.zeros((len(at), 2, 2))
-    for rows, others in ((i, j), (np.arange(len(at)),) * 2):
+    for rows, others in ((i, j), (np.arange(len(at)),) * 2):  # neighbours, and each point itself
         off = at[others] - mean[rows]
         np.add.at(spread, rows, off[:, :, None] * off[:, None, :])
     values, vectors = np.linalg.eigh(spread / count[:, None, None])
@@ -167,30 +171,31 @@ def _thinned(at: np.ndarray, pairs: np.ndarray, step: float) -> np.ndarray:
 
 
 def _creased(geometry: Geometry, name: str, at: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """(n,) bool: whether the surface on either side of a border, points (n, 2), has an edge of its own beside it.
+    """Return whether the surface on either side of a border has a crease beside points (n, 2) px, (n,) bool.
 
-    The inverse of depth is linear in the picture along a plane, so it bends at an edge alone. A rounded surface bends
-    all the way from its border; there nothing is seen but the border.
+    A crease looks like the border, so an edge found there may be the wrong one. The inverse of depth is linear in the
+    picture along a plane, so it bends only at a crease. A rounded surface bends all the way from its border and has no
+    edge of its own.
     """
     if not len(at):
         return np.zeros(0, bool)
-    way = np.arange(2.0 * APART, CREASE + 3.0 * APART, APART)
+    distance = np.arange(2.0 * APART, CREASE + 3.0 * APART, APART)
     focal, out = geometry.eyes[name].camera.fx, np.zeros(len(at), bool)
     for side in (-1.0, 1.0):
-        places = at[:, None] + side * way[:, None] * normal[:, None]
+        places = at[:, None] + side * distance[:, None] * normal[:, None]
         depth, _, part = (x.reshape(len(at), -1) for x in geometry.cast(name, places.reshape(-1, 2)))
-        near = np.where(depth > 0, 1.0 / np.maximum(depth, 1e-9), 0.0)
-        bend = np.abs(np.diff(near, 2, axis=1)) * focal / (APART * np.maximum(near[:, 1:-1], 1e-9))
-        alike = np.all(part == part[:, :1], axis=1) & (near > 0).all(axis=1)
+        inverse = np.where(depth > 0, 1.0 / np.maximum(depth, 1e-9), 0.0)
+        bend = np.abs(np.diff(inverse, 2, axis=1)) * focal / (APART * np.maximum(inverse[:, 1:-1], 1e-9))
+        one_part = np.all(part == part[:, :1], axis=1) & (inverse > 0).all(axis=1)
         rows, top = np.arange(len(at)), bend.argmax(axis=1)
         beyond = np.where(np.arange(bend.shape[1]) > top[:, None] + 1, bend, 0.0).max(axis=1)
         sharp = (bend[rows, top] > BEND) & (beyond < SMOOTH * bend[rows, top]) & (top < bend.shape[1] - 2)
-        out |= alike & sharp
+        out |= one_part & sharp
     return out
 
 
 def _free(parts: np.ndarray, at: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """(n, 2) px to the next border against and along the normal."""
+    """Return the distance (n, 2) px to the next border against the normal and along it, `FREE` at most."""
     height, width = parts.shape
     steps = np.arange(1.0, FREE + 0.5, 0.5)
     out = np.full((len(at), 2), FREE)
