@@ -1,4 +1,4 @@
-"""Decide the verdict on pictures: `unexplained` if an error remains, whatever effects were found."""
+"""Decide the verdict on pictures: `unexplained` if an error remains, even if effects were found."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def decide(
     moved: tuple[str, float] | None = None,
     field: float = 0.0,
 ) -> Verdict:
-    """Return the verdict.
+    """Return the verdict; the first error that remains, in the order of the code, is its reason.
 
     Args:
         before, after: held-out misplacement of the borders, RMS px; 0 if no border is in view.
         floor: RMS px expected of a correct model.
         n_added: effects added.
         rivals: of the added effects.
-        remainder: inputs that the residual depends on.
+        remainder: inputs that the residual depends on, strongest first.
         halves: whether two halves of the views agree.
         lost: share of predicted borders without an edge in the held-out pictures.
         moved: the object whose position differs most between held-out and fitted recordings, and the distance, mm;
@@ -45,25 +45,28 @@ def decide(
     if field >= RULES.visible_px:
         text = f"edges are shifted by {field:.1f} px (RMS), by amounts that depend on their position in the image "
         text += "and not on the frame: a smear or streak on the lens, or a lens that the model cannot describe"
-        return _left(text, convincing)
+        return _unexplained(text, convincing)
     if convincing:
         top = convincing[0]
-        return _left(f"{top.size:.1f} px are left that no known effect explains; they depend on {_on(top)}", convincing)
+        return _unexplained(
+            f"{top.size:.1f} px are left that no known effect explains; they depend on {top.input}: {top.where}",
+            convincing,
+        )
     if halves is not None and halves.disagree:
-        return _left(
+        return _unexplained(
             f"fits to two halves of the views differ by {halves.difference:.2f} px, with an uncertainty of "
             f"{halves.uncertainty:.2f} px: no model of this form fits both"
         )
     if lost > RULES.lost:
         far = f"{100 * SHIFTS.max():.0f} cm and {np.degrees(TURNS.max()):.0f} degrees"
         text = f"{100 * lost:.0f} % of the predicted borders have no edge near them in the pictures: they show another "
-        return _left(text + f"cell, or the camera is outside the search range of {far} about its nominal pose")
+        return _unexplained(text + f"cell, or the camera is outside the search range of {far} about its nominal pose")
     if moved is not None and moved[1] > 1e3 * RULES.moved_sigma * RULES.thing_known[0]:
         text = f"the {moved[0]} stands {moved[1]:.1f} mm elsewhere in the held-out recordings than in the fitted ones"
-        return _left(f"{text}: what stands in the cell was moved in between")
+        return _unexplained(f"{text}: what stands in the cell was moved in between")
     if unexplained((before / floor) ** 2, (after / floor) ** 2, n_added):
         text = f"borders lie {after:.2f} px from where they are predicted, {after / floor:.1f} times what a right model"
-        return _left(text + " leaves, and no known effect explains it")
+        return _unexplained(text + " leaves, and no known effect explains it")
     if not n_added:
         said = f"borders lie within {after:.2f} px of where they are predicted" if after else "no border is in view"
         return Verdict("adequate", f"{said}; no effect lowers it" if after else said)
@@ -73,20 +76,16 @@ def decide(
     return Verdict("identified", f"held-out borders moved from {before:.2f} to {after:.2f} px from their edges")
 
 
-def _left(text: str, on: Sequence[Left] = ()) -> Verdict:
-    """Return the verdict `unexplained` with the remaining error and the input it depends on."""
+def _unexplained(text: str, on: Sequence[Left] = ()) -> Verdict:
+    """Return the verdict `unexplained` with its reason and the inputs that the remaining error depends on."""
     depends = [{"input": x.input, "joint": x.where, "share": round(x.share, 3), "px": round(x.size, 2)} for x in on]
     return Verdict("unexplained", text, {"depends_on": depends, "text": text}, partial=True)
 
 
-def _on(x: Left) -> str:
-    return f"{x.input}: {x.where}"
-
-
 def _convinces(x: Left) -> bool:
-    """Return whether a dependence counts, by its share or by a shift that only a moved part makes.
+    """Return whether a dependence proves an error: by its share, or by a shift that only a moved part makes.
 
-    Many edges of a moved part are too far off to be found, so its share may be small.
+    Many edges of a moved part are too far from their borders to be found, so its share may be small.
     """
     return (x.share >= RULES.depends and x.size >= RULES.visible_px) or (
         x.share >= RULES.moved_share and x.size >= RULES.moved_px
@@ -101,7 +100,7 @@ def with_sensor(borders: Verdict, sensed: Sequence[Sensed]) -> Verdict:
         figure, before, after = s.worst
         if unexplained(before**2, after**2, len(s.added)):
             text = f"{s.kind}: {figure} deviates {after:.1f} times as much as between good cameras, and no known "
-            return _left(text + "effect explains it")
+            return _unexplained(text + "effect explains it")
     added = [s for s in sensed if s.added]
     if not added:
         return borders

@@ -25,13 +25,15 @@ from vispeg.robots.scene import Scene
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
+RECENT = 16  # worlds whose residuals are kept
+
 
 class BorderEvidence(Evidence):
     """Pictures of one cell, aligned once; worlds are compared by how they move the borders.
 
     Args:
         geometry: the cell.
-        items: sights with their points.
+        items: sights with their points, trust and noise.
         settled: the aligned world, at which errors are linearised.
         scatter: standard deviations of the joint angles in each frame and of a shift that depends on image position;
             estimated if None.
@@ -39,6 +41,7 @@ class BorderEvidence(Evidence):
     """
 
     floor_from = "scatter about the aligned model, and shifts of edges due to appearance"
+    changes_in = "px"
 
     def __init__(
         self,
@@ -49,7 +52,7 @@ class BorderEvidence(Evidence):
         freed: tuple[str, ...] = (),
     ):
         self.geometry, self.items, self.settled, self.freed = geometry, list(items), settled, freed
-        self.recordings = []
+        self.recordings = []  # of `Evidence`: no signal of the joints is compared
         self.notes: list[str] = []
         self._arms = [Postures.of(geometry, item.sight, settled, item.points) for item in items]
         self._columns = [nuisances(geometry, i, settled, arm) for i, arm in zip(items, self._arms, strict=True)]
@@ -64,10 +67,8 @@ class BorderEvidence(Evidence):
 
     @property
     def unit(self) -> str:
-        """Pixels."""
+        """Unit of a misplacement."""
         return "px"
-
-    changes_in = "px"
 
     @property
     def least_change(self) -> float:
@@ -83,18 +84,18 @@ class BorderEvidence(Evidence):
         return [item.misplaced(self.geometry, world) for item in self.items]
 
     def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
-        """Yield for each world the whitened misplacements of all points, flat."""
+        """Yield for each world the whitened misplacements of all points, flat; recent answers are cached."""
         return map(self._residual, worlds)
 
     def _residual(self, world: World) -> np.ndarray:
-        for earlier, answer in self._whitened:
+        for earlier, residual in self._whitened:
             if earlier == world:
-                return answer
+                return residual
         parts = []
         for item, away, whiten in zip(self.items, self.misplaced(world), self._whiten, strict=True):
             parts.append(whiten(item.weighted(away)))
         out = np.concatenate(parts)
-        self._whitened = [(world, out), *self._whitened[:15]]
+        self._whitened = [(world, out), *self._whitened[: RECENT - 1]]
         return out
 
     @property
@@ -108,10 +109,10 @@ class BorderEvidence(Evidence):
         return RULES.effects_few
 
     def blocks(self, seconds: float | None = None) -> np.ndarray:
-        """Return the image of each residual entry, in the order of `residuals`: errors within an image are correlated.
+        """Return the block (n,) of each residual entry: its image, since errors within an image are correlated.
 
-        With `seconds` above 0 (a test of single moments) each part in an image is a block of its own, whatever the
-        value. A shift common to the whole image, as by a joint error, has been whitened out.
+        With `seconds` (as the judge asks) each part in an image is a block of its own, whatever the value: a shift
+        common to the whole image, as by a joint error, has been whitened out.
         """
         out, start = [], 0
         for item in self.items:
@@ -126,7 +127,7 @@ class BorderEvidence(Evidence):
         return np.zeros((sum(len(i.points.frame) for i in self.items), 0))
 
     def tells(self, difference: np.ndarray) -> np.ndarray:
-        """Return whether each block is informative, (n,) bool: its squared residuals differ by over one reading's."""
+        """Return whether each block distinguishes two worlds, (n,) bool: the losses differ by over 1, one reading's."""
         return np.abs(difference) > 1.0
 
     @property
@@ -143,7 +144,10 @@ class BorderEvidence(Evidence):
         return float(np.sqrt(square / max(weight, 1.0)))
 
     def postures(self, world: World) -> list[np.ndarray]:
-        """Return for each item the most likely joint errors in a world, (frames, nj) rad, to add to the angles."""
+        """Return for each item the most likely joint errors in a world, (frames, nj) rad, to add to the angles.
+
+        They maximise the posterior of all nuisances, each a standard normal variable in units of its deviation.
+        """
         out, nj = [], len(self.scene.joints)
         for item, away, (common, joints) in zip(self.items, self.misplaced(world), self._columns, strict=True):
             columns = np.concatenate([common, max(self.robot, 1e-6) * joints], axis=1)
@@ -175,13 +179,13 @@ class BorderEvidence(Evidence):
         return float(np.sqrt(square / max(weight, 1e-9)))
 
     def steadied(self, world: World) -> list[np.ndarray]:
-        """Return `misplaced` minus the effect of the most likely joint errors in each frame."""
+        """Return `misplaced` minus the effect of the most likely joint errors in each frame, (n,) px for each item."""
         every = zip(self.items, self.misplaced(world), self.postures(world), self._arms, strict=True)
         return [away - np.sum(arm.slopes * posture[item.points.frame], axis=1) for item, away, posture, arm in every]
 
     @property
     def floor(self) -> float:
-        """RMS expected of a correct model, px: edge noise, and the common shift of edges due to appearance."""
+        """RMS expected of a correct model, px: edge noise and the common shift of edges due to appearance."""
         return float(np.sqrt(np.mean([i.sigma[0] ** 2 for i in self.items]) + RULES.edge_shift**2))
 
     @property

@@ -1,4 +1,4 @@
-"""Border points of a sight and the edges read at them: their predicted pixels, and their pixels in other worlds."""
+"""Border points that a world predicts in a sight, the edges found near them, and their pixels in other worlds."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
 PENALTY = 1e3  # residual in noise units of a point that a world puts behind the camera
+TRUSTED = 0.05  # weight above which an edge is compared
 INSTANT = 5e-3  # s, step of the finite difference for a pixel's speed
 
 
@@ -23,10 +24,10 @@ class Points:
     Attributes:
         frame: (n,) index of the frame.
         body, local: the body that carries each point, and the point in the body's frame, (n, 3) m.
-        pixel, normal: (n, 2) predicted pixel, and normal of the border.
-        along: (n,) px from there to the edge in the picture; NaN without an edge.
+        pixel, normal: (n, 2) predicted pixel, and unit normal of the border from the nearer to the farther part.
+        along: (n,) px along the normal from there to the edge in the picture; NaN without an edge.
         parts: (n, 2) labels of the nearer and the farther part.
-        depth: (n,) m.
+        depth: (n,) m of the nearer part, along the optical axis.
     """
 
     frame: np.ndarray
@@ -39,18 +40,20 @@ class Points:
     depth: np.ndarray
 
     def only(self, rows: np.ndarray) -> Points:
-        """Return the points of some rows."""
+        """Select points by indices or by a mask (n,) bool."""
         return Points(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
 
 @dataclass(frozen=True)
 class Item:
-    """Readings of one sight as a column, with the interface of a joint channel's item.
+    """Distances of edges from borders in one sight, as one column.
+
+    It has the interface of `vispeg.identify.channels.Item`; `kind`, `beside` and `nj` are constants here.
 
     Attributes:
-        sight, points, trust: the frames, their border points, and the weight in [0, 1] of each.
-        sigma: (1,) px.
-        valid: (n, 1) bool.
+        sight, points: the frames, and their n border points.
+        trust: (n,) weight of each point in [0, 1], 0 without an edge.
+        sigma: (1,) px, standard deviation of an edge.
     """
 
     sight: Sight
@@ -63,13 +66,13 @@ class Item:
 
     @cached_property
     def measured(self) -> np.ndarray:
-        """Measured distance of each edge from its border, (n, 1) px."""
+        """Measured distance of each edge from its border, (n, 1) px; 0 without an edge."""
         return np.nan_to_num(self.points.along)[:, None]
 
     @cached_property
     def valid(self) -> np.ndarray:
-        """(n, 1) bool."""
-        return (self.trust > 0.05)[:, None]
+        """Whether each point is compared, (n, 1) bool."""
+        return (self.trust > TRUSTED)[:, None]
 
     @property
     def name(self) -> str:
@@ -81,7 +84,7 @@ class Item:
         return misplacement(geometry, self.sight, world, self.points)
 
     def weighted(self, away: np.ndarray) -> np.ndarray:
-        """Return misplacements (n,) in noise units times their weights; those with weight 0 are 0."""
+        """Return misplacements (n,) px in noise units, times the roots of the weights; 0 if not `valid`."""
         r = np.where(np.isnan(away) & np.isfinite(self.points.along), PENALTY, np.nan_to_num(away))
         return np.clip(r / self.sigma[0], -PENALTY, PENALTY) * np.sqrt(self.trust) * self.valid[:, 0]
 
@@ -89,7 +92,18 @@ class Item:
 def pixels(
     geometry: Geometry, sight: Sight, world: World, points: Points, joints: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return (n, 2) px of the points in a world; `joints` (nj,) rad are added to all measured angles."""
+    """Return the pixels (n, 2) of the points in a world; NaN behind the camera or if no angles were measured.
+
+    A camera delay shows an earlier posture. With a rolling shutter, a row is exposed before or after the middle row, by
+    its share of the read-out time, and each point moves on at its speed in the picture.
+
+    Args:
+        geometry: of the cell; it is moved.
+        sight: the frames of the points.
+        world: the world to place the points in.
+        points: (n) border points.
+        joints: (nj,) rad, added to all measured angles.
+    """
     name = sight.camera.name
     geometry.place(world)
     readout = values_of(world, "rolling_shutter", name).get("readout", 0.0)
@@ -97,19 +111,20 @@ def pixels(
     late = -delay_of(world, name)
     out = _at(geometry, name, points, frames, sight.at(frames, late) + (0.0 if joints is None else joints))
     if readout:
-        moved = _at(geometry, name, points, frames, sight.at(frames, late + INSTANT)) - out
-        after = readout * (out[:, 1] / max(sight.camera.height - 1, 1) - 0.5)
-        out = out + moved * (after / INSTANT)[:, None]
+        speed = (_at(geometry, name, points, frames, sight.at(frames, late + INSTANT)) - out) / INSTANT
+        after_middle = readout * (out[:, 1] / max(sight.camera.height - 1, 1) - 0.5)  # s
+        out = out + speed * after_middle[:, None]
     return out
 
 
 def misplacement(geometry: Geometry, sight: Sight, world: World, points: Points) -> np.ndarray:
-    """Return (n,) px along the normals from the points as a world places them to the edges in the pictures."""
+    """Return (n,) px along the normals from the points as a world places them to the edges; NaN without an edge."""
     moved = pixels(geometry, sight, world, points) - points.pixel
     return points.along - np.sum(moved * points.normal, axis=1)
 
 
 def _at(geometry: Geometry, name: str, points: Points, frames: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Return the pixels (n, 2) of points with each of some frames (k,) at its angles (k, nj) rad."""
     out = np.full((len(points.frame), 2), np.nan)
     for frame, q in zip(frames, angles, strict=True):
         if np.isfinite(q).all():
