@@ -1,6 +1,6 @@
 """Cross-fitting: losses on the fitted recordings, each part predicted by a fit that did not use it.
 
-A part, called fold, is one item of the evidence (a stretch of a recording), or a part of the only one. Around the
+A fold is one item of the evidence (a segment of a recording), or a part of the item if there is only one. Around the
 common solution a fit is linear least squares, so leaving a fold out takes one Newton step and no rollout. That is exact
 if the model is linear in its parameters, as torques are in friction, inertia and bias.
 """
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,13 +21,13 @@ RIDGE = 1e-9  # times each parameter's information, added to it: keeps direction
 
 
 class Cross:
-    """Folds of the fitted evidence, judged block by block like held-out recordings.
+    """Judge fits on the fitted evidence fold by fold, each fold as if it had been held out.
 
     Args:
         judge: on the fitted evidence.
 
     Attributes:
-        folds: rows of the flat residual in each fold.
+        folds: entries of the flat residual in each fold.
     """
 
     def __init__(self, judge: Judge):
@@ -38,28 +39,29 @@ class Cross:
         for item in items:
             rows, width = item.measured.shape
             edges = start + width * np.linspace(0, rows, parts + 1).astype(int)
-            self.folds += [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
+            self.folds += [slice(a, b) for a, b in pairwise(edges)]
             start += item.measured.size
 
     def loss(self, residual: np.ndarray, jacobian: np.ndarray | None = None) -> np.ndarray:
-        """Return the cross-validated loss (nblock, nj) of a fit from its whitened residual and derivatives.
+        """Return the cross-validated loss (nblock, nj) of a fit.
 
-        If the derivatives are None, nothing was fitted, and it is the loss of the residual.
+        Args:
+            residual: (n,) whitened residual of the fit.
+            jacobian: (n, naxis) its derivatives; without any, nothing was fitted and it is the loss of the residual.
         """
         if jacobian is None or jacobian.shape[1] == 0:
             return self.judge.loss(residual)
         moved = residual.copy()
         info = [jacobian[f].T @ jacobian[f] for f in self.folds]
         slope = [jacobian[f].T @ residual[f] for f in self.folds]
+        all_info, all_slope = sum(info), sum(slope)
         for k, fold in enumerate(self.folds):
-            rest = sum(info) - info[k]
-            rest = rest + RIDGE * np.diag(np.diag(sum(info)) + 1e-12)
-            step = -np.linalg.solve(rest, sum(slope) - slope[k])
+            step = -np.linalg.solve(all_info - info[k] + _ridge(all_info), all_slope - slope[k])
             moved[fold] = residual[fold] + jacobian[fold] @ step
         return self.judge.loss(moved)
 
     def loss_of(self, fit: Fit | None, residual: np.ndarray) -> np.ndarray:
-        """Return the cross-validated loss of a fit, or, if it is None, of a world without fitted effects."""
+        """Return the `loss` of a fit with this residual, or, if it is None, of a world without fitted effects."""
         return self.loss(residual, None if fit is None else fit.jacobian)
 
 
@@ -72,7 +74,8 @@ def reduced(fit: Fit, gone: Sequence[int], null: np.ndarray) -> tuple[np.ndarray
         null: (naxis,) coordinates at which effects do nothing.
 
     Returns:
-        coordinates (naxis,), residual (n,), and the derivatives of the axes that stay.
+        coordinates (naxis,) within their bounds; residual (n,), as if there were none; derivatives (n, nstay) of the
+        axes that stay.
     """
     stay = [i for i in range(len(fit.u)) if i not in set(gone)]
     u = fit.u.copy()
@@ -81,16 +84,20 @@ def reduced(fit: Fit, gone: Sequence[int], null: np.ndarray) -> tuple[np.ndarray
     rest = fit.jacobian[:, stay]
     if stay:
         info = rest.T @ rest
-        info += RIDGE * np.diag(np.diag(info) + 1e-12)
-        step = -np.linalg.solve(info, rest.T @ residual)
+        step = -np.linalg.solve(info + _ridge(info), rest.T @ residual)
         u[stay] += step
         residual = residual + rest @ step
     low, high = fit.space.bounds
     return np.clip(u, low, high), residual, rest
 
 
+def _ridge(info: np.ndarray) -> np.ndarray:
+    """Return the matrix to add to an information matrix (naxis, naxis) so that it can be inverted."""
+    return RIDGE * np.diag(np.diag(info) + 1e-12)
+
+
 def on_held_out(judge: Judge, fit: Fit) -> Fit:
-    """Return a fit with its residual and derivatives on the held-out recordings; that of the last fit is kept."""
+    """Return a fit with its residual and derivatives on the recordings of the judge; the last answer is cached."""
     if judge.last is not None and judge.last[0] is fit:
         return judge.last[1]
     steps = fit.space.steps(fit.u)
