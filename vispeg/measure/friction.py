@@ -7,7 +7,9 @@ mu_k = F_t / F_n.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -18,10 +20,23 @@ from vispeg.measure.uncertainty import places, propagate
 
 GRAVITY = 9.81  # m/s^2
 REPEATS, PLACES = 10, 3  # numbers that the protocol asks for
-FORMS = {
+FORMS = {  # form of the table -> its columns; `static` is last, as the timed form has its column too
     "kinetic, timed": ("angle", "distance", "time"),
     "kinetic, by forces": ("normal", "tangential"),
     "static": ("angle",),
+}
+
+
+def _timed(angle, distance, time):
+    """Return mu of a slide from rest: rad, m, s; floats or arrays."""
+    return np.tan(angle) - 2.0 * distance / (GRAVITY * time**2 * np.cos(angle))
+
+
+# form -> mu from its columns, the quantity's name
+FUNCTIONS: dict[str, tuple[Callable[..., Any], str]] = {
+    "kinetic, timed": (_timed, "kinetic_friction"),
+    "kinetic, by forces": (lambda normal, tangential: tangential / normal, "kinetic_friction"),
+    "static": (np.tan, "static_friction"),
 }
 
 
@@ -41,14 +56,17 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     if form == "kinetic, by forces":  # the tangential force changes its sign with the direction of sliding
         sizes = {name: np.abs(readings[name]) for name in ("normal", "tangential")}
         readings = replace(readings, columns={**readings.columns, **sizes})
-    values, read, function, name = _forms(form, readings)
-    if not (np.isfinite(values) & (values > 0)).all():
-        row = int(np.flatnonzero(~(np.isfinite(values) & (values > 0)))[0])
-        raise UserError("gives no coefficient of friction above 0", file=readings.file, key=readings.row(row))
+    if "angle" in FORMS[form]:
+        _check_angles(readings)
+    columns, (function, name) = FORMS[form], FUNCTIONS[form]
+    values = function(*(readings[column] for column in columns))
+    bad = np.flatnonzero(~(np.isfinite(values) & (values > 0)))
+    if len(bad):
+        raise UserError("gives no coefficient of friction above 0", file=readings.file, key=readings.row(bad[0]))
     place = readings.place()
     mean = places(name.replace("_", " "), values, place)
-    errors, law = instrument_law(readings, read, function)
-    nominal = law(*(0.0 for _ in errors))
+    errors, law = instrument_law(readings, columns, function)
+    nominal = law(*(0.0 for _ in errors))  # what the errors change is added to the mean of the rows
     if place is None:
         refuse_drift(values, 0.0, readings.file, "friction")
     result = propagate(name, "1", lambda mu, *off: mu + law(*off) - nominal, [mean, *errors], rng, repeats=len(values))
@@ -57,29 +75,11 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     return Outcome((result,), tuple(notes), by_place(values, place))
 
 
-def _forms(form: str, r: Readings):
-    """Return how a form of the table gives mu.
-
-    Returns:
-        mu of each row (n,); the columns that instruments read; the function from these to mu; the quantity's name.
-    """
-    if form == "static":
-        return _angles(r, np.tan), ("angle",), np.tan, "static_friction"
-    if form == "kinetic, timed":
-
-        def timed(angle, distance, time):
-            return np.tan(angle) - 2.0 * distance / (GRAVITY * time**2 * np.cos(angle))
-
-        values = _angles(r, lambda angle: timed(angle, r["distance"], r["time"]))
-        return values, ("angle", "distance", "time"), timed, "kinetic_friction"
-    return r["tangential"] / r["normal"], ("normal", "tangential"), lambda n, t: t / n, "kinetic_friction"
-
-
-def _angles(r: Readings, function):
-    angle = r["angle"]
+def _check_angles(readings: Readings) -> None:
+    """Raise UserError if an angle is not between 0 and 90 degrees."""
+    angle = readings["angle"]
     bad = np.flatnonzero((angle <= 0) | (angle >= np.pi / 2))
     if len(bad):
         got = f"{angle[bad[0]]:.4g} rad"
-        key, expected = f"{r.row(bad[0])}, column angle", "an angle between 0 and 90 degrees: rad, or angle_deg"
-        raise UserError("is not an incline", file=r.file, key=key, expected=expected, got=got)
-    return function(angle)
+        key, expected = f"{readings.row(bad[0])}, column angle", "an angle between 0 and 90 degrees: rad, or angle_deg"
+        raise UserError("is not an incline", file=readings.file, key=key, expected=expected, got=got)
