@@ -43,7 +43,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """The configuration of a training run.
+    """The configuration of a training run. Raises UserError for an invalid value.
 
     Attributes:
         task: `<label>-<modality>`: the label of the world's task, see vispeg.task.contract.
@@ -133,9 +133,7 @@ class TrainConfig:
     def write(self, path: Path) -> None:
         """Write the configuration as YAML; replace the file if it exists."""
         data = {"format": FORMAT, **asdict(self)}
-        data["settings"] = {k: list(v) if isinstance(v, tuple) else v for k, v in self.settings.items()}
         data["stages"] = [stage.plain() for stage in self.stages]
-        data["sac"]["hidden"] = list(self.sac.hidden)
         write_text_atomic(path, yaml.safe_dump(data, sort_keys=False), overwrite=True)
 
 
@@ -143,6 +141,7 @@ CONFIG = Format(FORMAT, "a training run's configuration", keys=tuple(f.name for 
 
 
 def _example(folder: Path) -> Path:
+    """Write an example for the tests of the format."""
     kind = kind_of({})
     easier = {} if kind.tolerance is None else {kind.tolerance.setting: 6.0}
     stages = (Stage(easier), Stage())
@@ -166,7 +165,11 @@ def read_config(path: Path) -> TrainConfig:
 
 
 def _stage(entry: object) -> object:
-    """Return an entry of `stages` with the keys of `Stage`; `typed` refuses what is not a mapping."""
+    """Return an entry of `stages` with the keys of `Stage`: undo `Stage.plain`.
+
+    Older files state null for a setting that a stage does not replace. What is not a mapping is left to `typed`, which
+    refuses it.
+    """
     if not isinstance(entry, Mapping):
         return entry
     settings = {key: value for key, value in entry.items() if key not in ("radius", "level") and value is not None}
