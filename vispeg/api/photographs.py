@@ -23,7 +23,12 @@ from vispeg.sim.recorded import with_robot
 
 @dataclass(frozen=True)
 class Photographs:
-    """Image files, and a function from image names to poses base_T_flange (n, 4, 4), m; None if these are unknown."""
+    """Images for a calibration.
+
+    Attributes:
+        files: the image files.
+        flange: function from file names (n) to the poses base_T_flange (n, 4, 4), m; None if they are unknown.
+    """
 
     files: list[Path]
     flange: Callable[[Sequence[str]], np.ndarray] | None
@@ -38,7 +43,8 @@ def photographs(images: str | Path, poses: str | Path | None, camera: str) -> Ph
         camera: name of the camera, for a recording with several.
 
     Raises:
-        UserError: no image; a recording without colour frames of the camera, or `poses` with a recording.
+        UserError: no image, a recording without colour frames of the camera at measured angles, or `poses` with a
+            recording.
     """
     root = Path(images)
     if (root / "recording.yaml").is_file():
@@ -47,15 +53,16 @@ def photographs(images: str | Path, poses: str | Path | None, camera: str) -> Ph
 
 
 def _recorded(root: Path, poses: str | Path | None, camera: str) -> Photographs:
+    """Return the colour frames of a recording, with the flange's poses from its joints."""
     if poses is not None:
         raise UserError("the poses of a recording follow from its joints", key="--poses", expected="none", got=poses)
     rec, robot = with_robot(load(root))
     frames = _frames_of(rec, camera)
     q = joints_at(rec, frames.times, frames.episodes)
-    pose = flange_pose(robot, q)
-    every = from_quaternion(pose[:, :3], pose[:, 3:])
-    rows = np.flatnonzero(np.isfinite(q).all(axis=1))
-    flange = {file: every[i] for i in rows if isinstance(file := frames[int(i)].rgb_source, Path)}
+    place = flange_pose(robot, q)
+    poses_of_frames = from_quaternion(place[:, :3], place[:, 3:])
+    measured = np.flatnonzero(np.isfinite(q).all(axis=1))
+    flange = {file: poses_of_frames[i] for i in measured if isinstance(file := frames[int(i)].rgb_source, Path)}
     if not flange:
         raise UserError("no colour frames at measured joint angles", file=root)
     by_name = {file.name: pose for file, pose in flange.items()}

@@ -1,4 +1,7 @@
-"""One measured episode in coordinates of the hand: pose and velocity of the flange, and its wrench on the tool."""
+"""One measured episode: pose and velocity of the flange in the hand's frame, and its wrench on the tool.
+
+The hand is the cell without its arm (`vispeg.contact.hand`). Its frame is the pose of the flange at the start.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +26,7 @@ class Path:
     Attributes:
         step: physics step, s.
         time: (n,) s since the start of the episode.
-        origin, frame: (3,) m and (4,) wxyz, pose of the flange at the start, in the base frame; this is the hand's
-            frame.
+        origin, frame: (3,) m and (4,) wxyz, the hand's frame in the base frame.
         place, rate: (n, 6) pose of the flange in the hand's frame, m and intrinsic x, y, z angles in rad, and its time
             derivative.
         jacobian: (n, 6, 6), maps a wrench on the tool (at the flange, flange axes) to generalised forces of `place`.
@@ -52,9 +54,9 @@ def along(scene: Scene, rec: Recording, wrench: np.ndarray, rows: np.ndarray, lo
 
     Args:
         scene: cell of the arm that moved.
-        rec: measured angles.
-        wrench: (len(rec.time), 6) N, N m, wrench of the flange on the tool, flange axes.
-        rows: indices of the episode's samples in the recording.
+        rec: measured angles; missing ones are interpolated.
+        wrench: (len(rec.time), 6) N, N m, wrench of the flange on the tool, flange axes; gaps are interpolated.
+        rows: (k,) indices of the episode's samples in the recording, two or more.
         longest: upper limit of the physics step, s; the step used divides the sample period.
         believed: effects of the believed cell; offsets of the goal among them move `goal`.
     """
@@ -66,15 +68,15 @@ def along(scene: Scene, rec: Recording, wrench: np.ndarray, rows: np.ndarray, lo
     turn = Rotation.from_quat(pose[:, 3:], scalar_first=True)
     first = turn[0]
     place = np.concatenate([first.inv().apply(pose[:, :3] - pose[0, :3]), _angles(first.inv() * turn)], axis=1)
-    calm, rate, _ = smooth(clock, place, PATH_HZ)
+    smoothed, rate, _ = smooth(clock, place, PATH_HZ)
 
     def on_grid(values: np.ndarray) -> np.ndarray:
         return np.stack([np.interp(time, clock, v) for v in values.T], axis=1)
 
-    place, rate = on_grid(calm), on_grid(rate)
+    place, rate = on_grid(smoothed), on_grid(rate)
     read = on_grid(bridged(clock, wrench[rows]))
-    off = [[e.params[a].value for a in "xyz"] for e in believed.effects if e.effect == scene.offset]
-    goal = np.add(scene.target, np.sum(off, axis=0) if off else 0.0)
+    offsets = [[e.params[a].value for a in "xyz"] for e in believed.effects if e.effect == scene.offset]
+    goal = np.add(scene.target, np.sum(offsets, axis=0) if offsets else 0.0)
     return Path(step, time, pose[0, :3], pose[0, 3:], place, rate, jacobian(place[:, 3:]), read, goal, rows, clock)
 
 
@@ -86,7 +88,13 @@ def tips(path: Path, scene: Scene) -> np.ndarray:
 
 
 def jacobian(angles: np.ndarray) -> np.ndarray:
-    """Return (n, 6, 6), which maps a wrench in flange axes to generalised forces at the hand's angles (n, 3) rad."""
+    """Return the matrices (n, 6, 6) that map a wrench in flange axes to generalised forces of `Path.place`.
+
+    By virtual work, the generalised force of an angle is the torque about the axis that the angle turns about.
+
+    Args:
+        angles: (n, 3) rad, intrinsic x, y, z, of the flange in the hand's frame.
+    """
     turn = Rotation.from_euler("XYZ", angles).as_matrix()
     x, y = Rotation.from_euler("X", angles[:, :1]), Rotation.from_euler("XY", angles[:, :2])
     axes = np.stack([np.tile([1.0, 0, 0], (len(angles), 1)), x.apply([0, 1.0, 0]), y.apply([0, 0, 1.0])], axis=1)

@@ -21,9 +21,9 @@ from vispeg.sim.rollout import ReadingNoise, Response, rounds, simulate
 from vispeg.sim.segments.segment import Segment
 from vispeg.worlds.world import World
 
-OSC_KP, OSC_KD = 150.0, 24.0  # 1/s^2, 1/s
-NULL_KP, NULL_KD = 10.0, 6.0  # 1/s^2, 1/s
-PLANT_STEP = 5e-4  # s
+OSC_KP, OSC_KD = 150.0, 24.0  # 1/s^2, 1/s, per unit of mass: near critical damping, 2 sqrt(150)
+NULL_KP, NULL_KD = 10.0, 6.0  # the same of the null space: near 2 sqrt(10)
+PLANT_STEP = 5e-4  # s, greatest physics step of a recorded world: finer than the steps of the fits
 
 
 def controller(
@@ -36,14 +36,14 @@ def controller(
 ) -> Control:
     """Return a controller as docs/formats.md defines it, by default with usual gains; it compensates nominal gravity.
 
-    A servo takes position goals only, and has no gains here: its loop is built in, and effects describe it.
+    A servo takes position goals only and has no gains here: its loop is built in, and effects describe it.
 
     Args:
         robot: the arm.
         mode: of control; in mode `torque` the gains are of the loop that computes the torques.
         rate_hz: control rate.
         centre: posture (nj,) rad, about which default gains are stable, and to which an OSC null space pulls.
-        kp, kd: gains, one per joint, or six for `osc`.
+        kp, kd: gains, one per joint (N m/rad, N m s/rad), or six for `osc` (1/s^2, 1/s).
 
     Raises:
         UserError: gains of the wrong length or sign, or gains of servos.
@@ -83,8 +83,9 @@ def record(
         world: the plant, effects included; its tool is declared in the recording, its effects are not.
         motion: the command; `ee_cmd` is derived from `q_cmd` if an osc controller needs it.
         control: the controller. In mode `torque` a joint position loop with these gains computes `tau_cmd`.
-        noise: 1-sigma of white noise on `q`, `dq`, `tau`, `ee`; it is added to the recorded readings only, not in the
-            loop. If any encoder has steps, the noise of all encoders is added in the loop instead, before rounding.
+        noise: 1-sigma of white noise on `q` (rad), `dq` (rad/s), `tau` (N m; also of a load) and the position of `ee`
+            (m). It is added to the recorded readings only, not in the loop. If any encoder has steps, the noise of all
+            angles is added in the loop instead, before rounding.
         rng: random generator.
         torque_sensor: what `tau` measures; `none` leaves it out. A servo has a `load` instead, its motor's torque.
         repeat: how often the same motion is run; several runs become episodes.
@@ -97,30 +98,32 @@ def record(
         UserError: the arm does not follow (the controller is unstable with this plant), or a motion of the flange
             without an osc controller.
     """
-    robot, quiet = load(world.robot, tool=world.tool), dict(noise)
+    robot, added = load(world.robot, tool=world.tool), dict(noise)  # `added`: noise that is added to the readings
     sensed = None
-    if quiet.get("q", 0.0) > 0 and rounds(world):
-        sigma = np.full((repeat, len(robot.joints)), quiet.pop("q"))
+    if added.get("q", 0.0) > 0 and rounds(world):
+        sigma = np.full((repeat, len(robot.joints)), added.pop("q"))
         sensed = ReadingNoise(sigma, np.zeros_like(sigma), rng, sensed=True)
     segment, response = drive(world, motion, control, nthread, want_ee=True, sensed=sensed)
     if response.true is not None:
         watch(response.true[0])
     runs = []
-    for r in [0] * repeat if sensed is None else range(repeat):
-        signals, fixed = _signals(robot, motion, control, segment, response, r, torque_sensor)
-        runs.append({key: noisy(key, v, quiet, rng) for key, v in signals.items()} | fixed)
+    rows = [0] * repeat if sensed is None else range(repeat)  # without noise in the loop all runs are the same
+    for row in rows:
+        signals, commands = _signals(robot, motion, control, segment, response, row, torque_sensor)
+        runs.append({key: noisy(key, v, added, rng) for key, v in signals.items()} | commands)
     torque_sensor = "none" if control.mode == "servo" else torque_sensor
-    columns: dict[str, Any] = {key: np.concatenate([r[key] for r in runs]) for key in runs[0]}
+    columns: dict[str, Any] = {key: np.concatenate([run[key] for run in runs]) for key in runs[0]}
     if repeat > 1:
         columns["episode"] = np.repeat(np.arange(repeat), len(motion.time))
     stated = {key: float(noise[key]) for key in signals if noise.get(key, 0.0) > 0}
-    bare = replace(control, kp=None, kd=None) if control.mode == "torque" else control
+    # in mode `torque` the gains belong to the loop that made the commands, not to the recorded controller
+    gainless = replace(control, kp=None, kd=None) if control.mode == "torque" else control
     return Recording(
         path=Path(name),
         robot=str(Path(world.robot).resolve()) if Path(world.robot).suffix else world.robot,
         joints=robot.joints,
         rate_hz=control.rate_hz,
-        control=bare,
+        control=gainless,
         time=np.tile(motion.time, repeat),
         tool=declared(world.robot, world.tool),
         torque_sensor=torque_sensor,
@@ -170,9 +173,11 @@ def drive(
     `want_ee` it has the flange's poses too.
 
     Raises:
-        UserError: the arm does not follow (the controller is unstable with this plant).
+        UserError: the arm does not follow (the controller is unstable with this plant), or a motion of the flange
+            without an osc controller.
     """
     robot = load(world.robot, tool=world.tool)
+    # torques from a joint position loop: the same closed loop as mode `position`, with the commands known afterwards
     closed = replace(control, mode="position") if control.mode == "torque" else control
     segment = _segment(robot, motion, closed)
     worlds = [world] * (1 if sensed is None else len(sensed.q))
@@ -186,16 +191,27 @@ def drive(
 
 def centre_of(robot: RobotModel) -> np.ndarray:
     """Return the posture (nj,) rad around which a robot's motions are by default."""
-    return room_of(robot, 100.0, 1.0).centre
+    return room_of(robot, rate_hz=100.0, duration=1.0).centre  # the centre depends on neither
 
 
 def _segment(robot: RobotModel, motion: Motion, control: Control) -> Segment:
-    """Return the segment to simulate: the commands of a motion that the controller takes."""
+    """Return the segment to simulate: the commands of a motion that the controller takes, one per control period.
+
+    Raises:
+        UserError: a motion of the flange without an osc controller.
+    """
     command = {"q_cmd": motion.q_cmd, "dq_cmd": motion.dq_cmd}
     if control.mode == "osc":
         command = {"ee_cmd": flange_pose(robot, motion.q_cmd) if motion.ee_cmd is None else motion.ee_cmd}
     elif motion.ee_cmd is not None:
         raise UserError("the motion 'osc' moves the flange", key="--control", expected="osc", got=control.mode)
-    rows = np.arange(len(motion.time))
-    tick = 1.0 / control.rate_hz
-    return Segment(control, tick, command, motion.q_cmd, motion.dq_cmd, motion.q_cmd, motion.time, rows)
+    return Segment(
+        control=control,
+        tick=1.0 / control.rate_hz,
+        command=command,
+        q=motion.q_cmd,
+        dq=motion.dq_cmd,
+        q_raw=motion.q_cmd,
+        time=motion.time,
+        rows=np.arange(len(motion.time)),
+    )

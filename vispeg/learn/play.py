@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from vispeg.learn.policy import Policy
 
 WHITE, GREEN, RED = (255, 255, 255), (90, 220, 120), (255, 110, 90)
+HELD = 6  # frames for which the last one, with the category of the end, is shown
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Played:
 
 
 def play(policy: Policy, env: Any, seeds: list[int]) -> Iterator[Played]:
-    """Play one episode per seed; yield each with its frames, the last of which is held for 6 frames.
+    """Play one episode per seed; yield each with its frames, the last of which is repeated.
 
     Args:
         policy: the policy to play.
@@ -46,11 +47,10 @@ def play(policy: Policy, env: Any, seeds: list[int]) -> Iterator[Played]:
             obs, _, terminated, truncated, info = env.step(action)
             over = bool(terminated[0] or truncated[0])
         record = row_info(info, 0)
-        policy.act(obs)
+        policy.act(obs)  # for the estimate in the last frame
         last = compose(env.render()[0], obs, policy)
-        word = str(record.get("category", ""))
-        write(last, word, (8, 20), GREEN if record.get("success") else RED)
-        yield Played(seed, np.stack([*frames, *[last] * 6]), record)
+        write(last, str(record.get("category", "")), (8, 20), GREEN if record.get("success") else RED)
+        yield Played(seed, np.stack([*frames, *[last] * HELD]), record)
 
 
 def compose(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy) -> np.ndarray:
@@ -61,19 +61,19 @@ def compose(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy) 
         obs: observation of one row, arrays (1, ...).
         policy: the policy, after it acted on `obs`.
     """
-    picture = thoughts(outside, obs, policy)
+    picture = with_estimate(outside, obs, policy)
     height = picture.shape[0]
     views = [picture_of(key, obs[key][0]) for key in policy.layout.images]
     if not views:
         return picture
-    size = height // max(len(views), 2)
+    size = height // max(len(views), 2)  # a single image has half the height
     column = np.zeros((height, size, 3), np.uint8)
     for k, image in enumerate(views):
         column[k * size : (k + 1) * size] = enlarged(image, size)
     return np.concatenate([picture, column], axis=1)
 
 
-def thoughts(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy) -> np.ndarray:
+def with_estimate(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy) -> np.ndarray:
     """Return a copy of the outside view with `positions` written on it; arguments as for `compose`."""
     picture = outside.copy()
     for k, line in enumerate(positions(obs, policy)[::-1]):
@@ -82,7 +82,7 @@ def thoughts(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy)
 
 
 def positions(obs: Mapping[str, np.ndarray], policy: Policy) -> list[str]:
-    """Return two lines, the tip's estimated and true position in the goal's frame, in mm.
+    """Return two lines of text, the tip's estimated and true position in the goal's frame, in mm.
 
     The list is empty if the policy has no estimate, or if the observation lacks the truth.
     """
@@ -94,7 +94,7 @@ def positions(obs: Mapping[str, np.ndarray], policy: Policy) -> list[str]:
 
 
 def enlarged(image: np.ndarray, size: int) -> np.ndarray:
-    """Return an image (H, W, 3) resized to (size, size, 3) without interpolation."""
+    """Return an image (H, W, 3) resized to (size, size, 3) by repeating or leaving out pixels."""
     rows = np.arange(size) * image.shape[0] // size
     columns = np.arange(size) * image.shape[1] // size
     return image[rows][:, columns]

@@ -22,29 +22,35 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Gain = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Vec3 = Annotated[list[Finite], Field(min_length=3, max_length=3)]
-Turn = Annotated[list[Finite], Field(min_length=4, max_length=4), AfterValidator(lambda quat: _unit(quat))]
-NoneWord = BeforeValidator(lambda value: None if value == "none" else value)
-CellWord = BeforeValidator(lambda value: _named_cell(value) if isinstance(value, str) else value)
-OneOutcome = BeforeValidator(lambda value: [value] if isinstance(value, dict) else value)
 
 
-def _unit(quat: list[float]) -> list[float]:
+def _unit_length(quat: list[float]) -> list[float]:
     if abs(math.hypot(*quat) - 1) > 0.01:
         raise ValueError("quaternion w x y z is not of unit length")
     return quat
 
 
-def _named_cell(word: str) -> Mapping[str, object] | None:
+def _cell(value: object) -> object:
     """Accept a world's name or path in place of a mapping; `none` means no cell."""
-    return None if word == "none" else {"world": word}
+    if not isinstance(value, str):
+        return value
+    return None if value == "none" else {"world": value}
+
+
+Quaternion = Annotated[list[Finite], Field(min_length=4, max_length=4), AfterValidator(_unit_length)]
+NoneWord = BeforeValidator(lambda value: None if value == "none" else value)
+CellWord = BeforeValidator(_cell)
+OneOutcome = BeforeValidator(lambda value: [value] if isinstance(value, dict) else value)
 
 
 class _Section(BaseModel):
+    """A mapping in recording.yaml. Keys that this version does not know are kept, to be named in a note."""
+
     model_config = ConfigDict(extra="allow", frozen=True)
 
 
 class NullspaceSection(_Section):
-    """OSC posture task."""
+    """The posture that an OSC holds in its null space: `kp` 1/s^2, `kd` 1/s, `q` rad."""
 
     kp: Gain
     kd: Gain
@@ -52,7 +58,10 @@ class NullspaceSection(_Section):
 
 
 class ControlSection(_Section):
-    """The controller that ran."""
+    """The controller that ran.
+
+    The gains `kp` and `kd` are one per joint (N m/rad, N m s/rad), or six for `osc` (1/s^2, 1/s).
+    """
 
     mode: Literal["torque", "position", "osc", "servo", "passive", "unknown"] = "unknown"
     rate_hz: Positive | None = None
@@ -65,7 +74,7 @@ class ControlSection(_Section):
 
 
 class ToolSection(_Section):
-    """What is bolted to the flange."""
+    """What is bolted to the flange: centre of mass, and ixx iyy izz about it."""
 
     mass_kg: Gain
     com_m: Vec3 = [0.0, 0.0, 0.0]
@@ -74,7 +83,7 @@ class ToolSection(_Section):
 
 
 class BaseSection(_Section):
-    """How the user believes the base is mounted."""
+    """How the user believes the base is mounted: roll and pitch, rad."""
 
     tilt_rad: Annotated[list[Annotated[float, Field(ge=-math.pi, le=math.pi)]], Field(min_length=2, max_length=2)] = [
         0.0,
@@ -83,7 +92,7 @@ class BaseSection(_Section):
 
 
 class NoiseSection(_Section):
-    """1-sigma noise, only what is known: rad, rad/s, N m, m, N, N m."""
+    """1-sigma noise, as far as it is known, in the order of the fields: rad, rad/s, N m, m, N, N m."""
 
     q: Positive | None = None
     dq: Positive | None = None
@@ -94,7 +103,7 @@ class NoiseSection(_Section):
 
 
 class BoardSection(_Section):
-    """A flat calibration board in the cell, as `vispeg camera calibrate` uses; its pose is not stated."""
+    """A flat calibration board in the cell, as `vispeg camera calibrate` uses; `square` and `marker` are sides in m."""
 
     kind: Literal["chessboard", "charuco"]
     columns: int
@@ -122,13 +131,13 @@ class CellOf(_Section):
 
 
 class WrenchSection(_Section):
-    """Convention of the wrench signal `ft`."""
+    """Convention of the wrench signal `ft`: its axes, what it acts on, and the sensor's pose on the flange."""
 
     frame: Literal["flange", "base"] = "flange"
     acts_on: Literal["tool", "flange"] = "tool"
     tared: Literal[False, True, "weight"] = False
     pos_m: Vec3 = [0.0, 0.0, 0.0]
-    quat: Turn = [1.0, 0.0, 0.0, 0.0]
+    quat: Quaternion = [1.0, 0.0, 0.0, 0.0]
 
 
 class OutcomeSection(_Section):
@@ -168,7 +177,7 @@ class Header(CellOf):
 
     @field_validator("signals")
     @classmethod
-    def _own(cls, signals: dict[str, SignalSection]) -> dict[str, SignalSection]:
+    def _check_signals(cls, signals: dict[str, SignalSection]) -> dict[str, SignalSection]:
         for name in signals:
             if not name.isidentifier() or name in (*SIGNALS, "time", "episode"):
                 raise ValueError(f"cannot name a signal of one's own: {name!r}")
@@ -176,7 +185,7 @@ class Header(CellOf):
 
     @field_validator("joints")
     @classmethod
-    def _names(cls, joints: list[str]) -> list[str]:
+    def _check_joints(cls, joints: list[str]) -> list[str]:
         twice = sorted({name for name in joints if joints.count(name) > 1})
         if twice:
             raise ValueError(f"joints named twice: {', '.join(twice)}")
@@ -187,12 +196,20 @@ class Header(CellOf):
 
 
 def read_header(file: Path) -> Header:
-    """Read and validate recording.yaml. Raises UserError; warns once about keys that this version does not know."""
+    """Read and validate recording.yaml; as `header_from`."""
     return header_from(read_yaml(file), file)
 
 
 def header_from(data: Any, file: Path) -> Header:
-    """Validate the content of recording.yaml, or an equivalent of it; `file` is named in messages."""
+    """Validate the content of recording.yaml, or an equivalent of it; note the keys that this version does not know.
+
+    Args:
+        data: the content.
+        file: named in messages.
+
+    Raises:
+        UserError: not a mapping, a missing key or an invalid value.
+    """
     if not isinstance(data, dict):
         raise UserError("is not a mapping", file=file, expected=f"'format: {FORMAT}' and further keys", got=data)
     header = typed(Header, data, file)
@@ -208,6 +225,7 @@ def plain(section: BaseModel) -> Mapping[str, Any]:
 
 
 def _unknown(section: BaseModel, prefix: str = "") -> list[str]:
+    """Return the keys of a section, and of the sections in it, that this version does not know."""
     keys = [f"{prefix}{key}" for key in section.model_extra or {}]
     for name in type(section).model_fields:
         value = getattr(section, name)

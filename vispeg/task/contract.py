@@ -34,12 +34,12 @@ class Expert(Protocol):
         ...
 
     def act(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return actions (n, len(dof)) within +-1 for observations whose arrays are (n, ...)."""
+        """Return actions (n, len(config.dof)) within +-1 for observations whose arrays are (n, ...)."""
         ...
 
 
 class Task(ABC):
-    """One task.
+    """One task. In all methods `config` is an instance of its `Config`.
 
     Attributes:
         label: one word without a dash; `vispeg train LABEL-MODALITY`.
@@ -49,7 +49,7 @@ class Task(ABC):
             with images learn to estimate.
         categories: the ways in which an episode may end. They include `success`, `force limit`, `diverged` and those
             of the arm's guards (vispeg.task.guards).
-        hard_positions: a `vispeg-positions/1` file of places that an evaluation tries one by one, or None.
+        hard_positions: a `vispeg-positions/1` file of positions that an evaluation tries one by one, or None.
         motions: the motions that `vispeg record` makes in its cell: name -> function that returns a commanded path.
     """
 
@@ -112,7 +112,7 @@ class Task(ABC):
         """Return a new Track, which classifies how one episode ends."""
 
     def observed(self, sim: Simulation) -> Mapping[str, np.ndarray]:
-        """Return what the Track observes besides forces and the tip: arrays (n,) by keyword of `Track.add`."""
+        """Return what `Track.add` takes besides forces and the tip: arrays (n,) by keyword; by default nothing."""
         return {}
 
     def again(self, rec: Recording, world: World, nthread: int = 1) -> tuple[np.ndarray, np.ndarray, Outcome] | None:

@@ -52,6 +52,7 @@ class App:
         gui.add_html(html.style())
         place = Place(self.server, out, threads)
         place.look(ARM)
+        # controls appear in the order in which they are added: the chooser comes before the pages
         titles = [kind.title for kind in (StudyPage, ImportPage, WorldPage, PolicyPage, DataPage, RunPage, TrialsPage)]
         self.chooser = gui.add_button_group("Page", titles)
         self.chooser.on_click(lambda _: self.show(str(self.chooser.value)))
@@ -76,7 +77,8 @@ class App:
         self.server.gui.set_panel_label(f"vispeg · {title}")
         for page in self.pages:
             page.show(page.title == title)
-        self.study.traces.stand(all(page.title != title or not page.fills for page in self.pages))
+        filled = any(page.title == title and page.fills for page in self.pages)
+        self.study.traces.stand(not filled)
 
     def _dropped(self, log: Path, model: str) -> None:
         """Open the import page with a log that was dropped on the diagnosis page, and with its model."""
@@ -123,32 +125,33 @@ class Colours:
         self.systems: dict[int, bool] = {}  # window -> whether its system is dark
         self.lock = Lock()  # a choice and a window's report may come at once: the later must see the earlier
         self.choice = gui.add_dropdown("Colours", (SYSTEM, LIGHT, DARK), initial_value=DARK if dark else SYSTEM)
-        self.heard = gui.add_text(
-            "System", ""
-        )  # the window's script writes its system's setting here, and hides the field
+        # a script in each window writes its system's setting into this field, and hides it
+        self.reported = gui.add_text("System", "")
         server.on_client_connect(self._greet)
         self.choice.on_update(lambda _: self.apply())
-        self.heard.on_update(self._hear)
+        self.reported.on_update(self._receive)
         self._theme(gui, dark)
 
     def apply(self) -> None:
         """Apply the choice to each window in turn: a broadcast could overtake a message to one window."""
         with self.lock:
             for window in self.server.get_clients().values():
-                self._turn(window)
+                self._recolour(window)
 
     async def _greet(self, window: Any) -> None:
         """Ask a new window for its system's setting; before it is connected, its answer would be lost."""
-        window.gui.add_html(html.window(self.heard._impl.uuid))
+        window.gui.add_html(html.window(self.reported._impl.uuid))
 
-    async def _hear(self, event: Any) -> None:  # awaited, so that another window's report cannot overwrite this one
+    async def _receive(self, event: Any) -> None:
+        """Keep a window's report; as a coroutine, so that another window's report cannot overwrite it before."""
         if event.client is None:
             return
         with self.lock:
-            self.systems[event.client.client_id] = str(self.heard.value).startswith(DARK)
-            self._turn(event.client)
+            self.systems[event.client.client_id] = str(self.reported.value).startswith(DARK)
+            self._recolour(event.client)
 
-    def _turn(self, window: Any) -> None:
+    def _recolour(self, window: Any) -> None:
+        """Apply the choice to a window; light if it has not reported its system's setting."""
         chosen = self.choice.value
         self._theme(window.gui, self.systems.get(window.client_id, False) if chosen == SYSTEM else chosen == DARK)
 

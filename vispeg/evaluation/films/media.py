@@ -144,7 +144,7 @@ def film(job: Job, seed: int) -> Clip:
     Raises:
         UserError: nothing on this machine can render.
     """
-    from vispeg.learn.play import thoughts
+    from vispeg.learn.play import with_estimate
 
     env = environment(replace(job, rows=1), render_mode="rgb_array")
     policy: Any = player(job.entrant, env.config)
@@ -156,7 +156,7 @@ def film(job: Job, seed: int) -> Clip:
     record: EpisodeResult | None = None
     while True:
         action = policy.act(obs)  # also on the last observation, for the policy's estimate
-        frames.append(thoughts(env.render()[0], obs, policy))
+        frames.append(with_estimate(env.render()[0], obs, policy))
         views.append(_view(obs))
         if record:
             break
