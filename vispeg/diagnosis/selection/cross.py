@@ -54,7 +54,7 @@ class Cross:
         moved = residual.copy()
         info = [jacobian[f].T @ jacobian[f] for f in self.folds]
         slope = [jacobian[f].T @ residual[f] for f in self.folds]
-        all_info, all_slope = sum(info), sum(slope)
+        all_info, all_slope = np.asarray(sum(info)), np.asarray(sum(slope))
         for k, fold in enumerate(self.folds):
             step = -np.linalg.solve(all_info - info[k] + _ridge(all_info), all_slope - slope[k])
             moved[fold] = residual[fold] + jacobian[fold] @ step
