@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 
-UNITS = (  # as patterns between separators; the longest match counts
+UNITS = (  # (unit, pattern of its spellings in lower case); the longest match in a name counts
     ("rad/s", r"rad[_/]?s|radps|rad_per_s(ec)?|rad_sec"),
     ("deg/s", r"deg[_/]?s|degps|dps|deg_per_s(ec)?|deg_sec|°/s"),
     ("rpm", r"rpm"),
@@ -28,7 +29,7 @@ UNITS = (  # as patterns between separators; the longest match counts
 )
 LONE_S = r"[\[({]\s*s\s*[\])}]|(?<![a-z0-9µ°/])s(?=[\s\])}]*$)"  # in brackets, or at the end of a name
 TIMES = {"ms", "us", "ns", "s"}
-OF_UNIT = {
+OF_UNIT = {  # unit -> the quantity that it implies
     **dict.fromkeys(("rad", "deg", "mrad", "mdeg", "turn"), "q"),
     **dict.fromkeys(("rad/s", "deg/s", "rpm"), "dq"),
     **dict.fromkeys(("N m", "mNm", "N cm"), "tau"),
@@ -88,28 +89,19 @@ class Meaning:
 
 
 def meaning(name: str, labels: dict[str, str]) -> Meaning:
-    """Parse a column name; `labels` maps columns to their joints where these are known from elsewhere."""
-    hit = ampere(name)
-    written = (
-        name if hit is None else f"{name[: hit.start()]}_{'milliamp' if 'm' in hit[0] else 'amp'}_{name[hit.end() :]}"
-    )
-    unit, rest = _unit(written)
+    """Parse a column name.
+
+    Words decide first; a unit decides the quantity where no word does.
+
+    Args:
+        name: the column.
+        labels: column -> joint, for columns whose joint is known from elsewhere.
+    """
+    unit, rest = _unit(_with_ampere_as_word(name))
     words = split(rest)
-    taken, quantity, said = set(), "", ""
     if "episode" in words:
         return Meaning(name, "episode", None, "", "", "episode")
-    for i, word in enumerate(words):
-        for kind, vocabulary in (("time", TIME), ("q", POSITION), ("dq", VELOCITY), ("tau", TORQUE)):
-            if word in vocabulary and (not quantity or quantity == "q" and said == "state"):
-                quantity, said = kind, word
-                taken.add(i)
-        if word in WHOLE:
-            quantity, said = WHOLE[word][0], word
-            taken.add(i)
-    for kind, (vocabulary, _) in OTHER.items():
-        hit = [i for i, word in enumerate(words) if word in vocabulary]
-        if hit:
-            quantity, said = kind, words[hit[0]]
+    quantity, said, taken = _quantity(words)
     if quantity == "current":
         spelt = [i for i, word in enumerate(words) if word in AMPERES]
         unit, taken = (AMPERES[words[spelt[0]]] if spelt else ""), taken | {*spelt}
@@ -128,6 +120,35 @@ def meaning(name: str, labels: dict[str, str]) -> Meaning:
         quantity, said = OF_UNIT.get(unit, "q" if "action" in words else ""), "commanded" if commanded else "measured"
     label = [w for i, w in enumerate(words) if i not in taken and w not in FILL | MEASURED | COMMANDED]
     return Meaning(name, quantity, commanded, unit, labels.get(name) or "_".join(label), said)
+
+
+def _quantity(words: Sequence[str]) -> tuple[str, str, set[int]]:
+    """Return the quantity that words name, the word that names it, and the indices of the words used; empty if none.
+
+    The first such word counts; `state` counts only if there is no other. Words of WHOLE, then of OTHER, override it.
+    """
+    quantity, said, taken = "", "", set()
+    for i, word in enumerate(words):
+        for kind, vocabulary in (("time", TIME), ("q", POSITION), ("dq", VELOCITY), ("tau", TORQUE)):
+            if word in vocabulary and (not quantity or quantity == "q" and said == "state"):
+                quantity, said = kind, word
+                taken.add(i)
+        if word in WHOLE:
+            quantity, said = WHOLE[word][0], word
+            taken.add(i)
+    for kind, (vocabulary, _) in OTHER.items():
+        named = [word for word in words if word in vocabulary]
+        if named:
+            quantity, said = kind, named[0]
+    return quantity, said, taken
+
+
+def _with_ampere_as_word(name: str) -> str:
+    """Return a name with its unit A or mA, whose case matters, as a word that does not depend on case."""
+    hit = ampere(name)
+    if hit is None:
+        return name
+    return f"{name[: hit.start()]}_{'milliamp' if 'm' in hit[0] else 'amp'}_{name[hit.end() :]}"
 
 
 def ampere(name: str) -> re.Match[str] | None:
@@ -159,7 +180,7 @@ def _unit(name: str) -> tuple[str, str]:
         (end - start, unit, start, end)
         for unit, pattern in UNITS
         for start, end in [hit.span() for hit in re.finditer(rf"(?<![a-z0-9µ°])({pattern})(?![a-z])", flat)][-1:]
-    ]
+    ]  # the last place of each unit
     if hits:
         _, unit, start, end = max(hits, key=itemgetter(0))
         whole = name if len(flat) == len(name) else flat
