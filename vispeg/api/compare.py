@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class ComparisonResult(Result, Traced):
-    """The error of a model.
+    """The error of a model on recordings.
 
     Attributes:
         record: content of compare.json, see docs/formats.md.
@@ -128,15 +128,16 @@ def compare(
     lead = compared.pop(min(compared, key=lambda name: CHANNELS[name].lead))
     record: ComparisonRecord = {**lead.record, "provenance": inputs.provenance(None)}
     arrays = dict(lead.arrays)
-    for seen_too in (lead, *(compared.pop(name) for name in [*compared] if compared[name].pictures)):
-        if seen_too.pictures:
-            record["pictures"] = seen_too.pictures
-            arrays |= seen_too.arrays
-    if compared:
+    for comparison in (lead, *compared.values()):
+        if comparison.pictures:  # they have a key of their own, beside `by_channel`
+            record["pictures"] = comparison.pictures
+            arrays |= comparison.arrays
+    others = {name: comparison for name, comparison in compared.items() if not comparison.pictures}
+    if others:
         record["by_channel"] = [
-            {"channel": name, "given": [], "record": other.record} for name, other in compared.items()
+            {"channel": name, "given": [], "record": other.record} for name, other in others.items()
         ]
-    for name, other in compared.items():
+    for name, other in others.items():
         arrays |= {f"channel/{name}/{key}": value for key, value in other.arrays.items()}
     with_arms(CHANNELS["joints"].part(inputs.world), arrays)
     if "pictures" not in used and not channels and (said := _unseen(inputs)):
