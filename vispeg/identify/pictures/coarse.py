@@ -26,11 +26,11 @@ DELAYS = np.arange(-0.06, 0.1201, 0.01)  # s; below 0 the joint log lags the cam
 TURNS, SHIFTS = np.radians([-8.0, -4.0, 0.0, 4.0, 8.0]), np.array([-0.08, -0.04, 0.0, 0.04, 0.08])  # rad, m
 REACHES = (40.0, 20.0, 10.0)  # px, cap of the distance to an edge, stage by stage
 REFINED = (8, 3, 1)  # number of trials refined at each reach
-STEPS, FINITE = 6, 0.05  # Gauss-Newton steps; finite difference in typical sizes: a large part of a pixel
+STEPS, FINITE = 6, 0.05  # Gauss-Newton steps; finite difference in typical sizes, a large part of a pixel at a border
 WAYS, ALIKE = 4, np.radians(35)  # number of edge directions; largest angle between edges of one direction
 EDGES = 0.08  # share of the pixels taken as edges: those with the steepest gradient
 FRAMES, SPARSE = 6, 120  # number of frames used, and of border points in each
-DEEP, FAR = 0.03, 5.0  # relative step of a depth edge over 1 px; m assumed where there is no reading
+DEEP, FAR = 0.03, 5.0  # least relative change of depth per pixel at an edge; m, depth of pixels without a reading
 LOOSE = 25.0  # width of the weak prior on a camera's offset, in typical sizes
 
 
@@ -43,22 +43,25 @@ class Outline:
     fields: np.ndarray
 
     def distances(self, geometry: Geometry, world: World, reach: float) -> np.ndarray:
-        """Return (n,) px from the points in a world to the nearest edges of their direction, at most `reach`."""
+        """Return (n,) px from the points in a world to the nearest edges of their direction, at most `reach`.
+
+        A point outside the picture, or behind the camera, counts as `reach` away.
+        """
         p = self.points
         u, v = np.nan_to_num(pixels(geometry, self.sight, world, p), nan=-1.0).T
         height, width = self.fields.shape[2:]
         inside = (u >= 0) & (v >= 0) & (u <= width - 1) & (v <= height - 1)
         u, v = np.clip(u, 0, width - 1.001), np.clip(v, 0, height - 1.001)
         i, j = v.astype(int), u.astype(int)
-        a, b, f, way = v - i, u - j, self.fields, _way(p.normal)
-        k = p.frame
+        a, b = v - i, u - j  # weights of bilinear interpolation
+        f, k, way = self.fields, p.frame, _way(p.normal)
         upper = (1 - b) * f[k, way, i, j] + b * f[k, way, i, j + 1]
         lower = (1 - b) * f[k, way, i + 1, j] + b * f[k, way, i + 1, j + 1]
         return np.where(inside, np.minimum((1 - a) * upper + a * lower, reach), reach)
 
 
 def brought_near(predictor: Predictor, sights: Sequence[Sight], world: World) -> list[World]:
-    """Return the world after a search over delays, and after one over poses, with borders nearest to edges.
+    """Search the delays, and separately the poses, of all cameras; return the best world of each of the two searches.
 
     Args:
         predictor: of the cell.
@@ -66,17 +69,18 @@ def brought_near(predictor: Predictor, sights: Sequence[Sight], world: World) ->
         world: has a `camera_offset` and a `camera_delay` of each camera.
     """
     out = []
-    for trials in (_late, _elsewhere):
+    for trials_of in (_delayed, _moved):
         near = world
         for camera in dict.fromkeys(s.camera.name for s in sights):
             sight = next(s for s in sights if s.camera.name == camera)
             rows = np.linspace(0, len(sight) - 1, min(FRAMES, len(sight))).round().astype(int)
-            near = _near(predictor, sight.only(rows), near, list(trials(near, camera)))
+            near = _near(predictor, sight.only(rows), near, list(trials_of(near, camera)))
         out.append(near)
     return out
 
 
 def _near(predictor: Predictor, sight: Sight, world: World, trials: Sequence[World]) -> World:
+    """Return the best trial after refinement; `world` if the frames have neither depth nor colour."""
     fields = _all_fields(sight)
     if fields is None:
         return world
@@ -92,20 +96,21 @@ def _near(predictor: Predictor, sight: Sight, world: World, trials: Sequence[Wor
 
 
 def _outline(predictor: Predictor, sight: Sight, world: World, fields: np.ndarray) -> Outline:
+    """Render the borders of a world, and keep `SPARSE` points of each frame at random."""
     points = outlined(predictor, sight, world)
     rng = np.random.default_rng(0)
     chosen = [rng.permutation(np.flatnonzero(points.frame == k))[:SPARSE] for k in range(len(sight))]
     return Outline(sight, points.only(np.sort(np.concatenate(chosen))), fields)
 
 
-def _late(world: World, camera: str) -> Iterator[World]:
-    """Yield the world with a delayed camera, or a delayed joint log."""
+def _delayed(world: World, camera: str) -> Iterator[World]:
+    """Yield the world with each of `DELAYS` for a camera."""
     for delay in DELAYS:
         yield _with(world, camera, "camera_delay", delay=float(delay))
 
 
-def _elsewhere(world: World, camera: str) -> Iterator[World]:
-    """Yield the world with the camera at other poses."""
+def _moved(world: World, camera: str) -> Iterator[World]:
+    """Yield the world with each offset of a camera on the grid of `TURNS` and `SHIFTS`."""
     for rx, ry, x, y in product(TURNS, TURNS, SHIFTS, SHIFTS):
         yield _with(world, camera, "camera_offset", rx=float(rx), ry=float(ry), x=float(x), y=float(y))
 
@@ -124,14 +129,14 @@ def _refined(geometry: Geometry, outline: Outline, world: World, reach: float) -
     r = outline.distances(geometry, space.at(u), reach)
     for _ in range(STEPS):
         near = r < reach
-        if near.sum() < 10 * len(u):
+        if near.sum() < 10 * len(u):  # too few points for this many parameters
             break
         steps = FINITE * np.sign(space.steps(u))
         moved = [
             outline.distances(geometry, space.at(u + h * a), reach) for h, a in zip(steps, np.eye(len(u)), strict=True)
         ]
         jac = np.stack([(m - r)[near] / h for m, h in zip(moved, steps, strict=True)], 1)
-        scale = max(float(np.median(r[near])), 0.5)
+        scale = max(float(np.median(r[near])), 0.5)  # px, taken as the standard deviation of the distances
         step = np.linalg.solve(jac.T @ jac / scale**2 + np.eye(len(u)) / LOOSE**2, -jac.T @ r[near] / scale**2)
         for shorter in (1.0, 0.5, 0.25):
             there = np.clip(u + shorter * step, low, high)

@@ -56,7 +56,7 @@ def _standing(rec: Recording, frames: Frames) -> np.ndarray:
 
 
 def _curve(rec: Recording, episode: int) -> CubicSpline | None:
-    """Return the spline of an episode without gaps (see `joints_at`), computed once; None if readings are missing."""
+    """Return the spline of an episode, the same as in `joints_at`; None if it has gaps or missing readings."""
     rows = slice(None) if rec.episode is None else rec.episode == episode
     time, q = rec.time[rows], rec.q[rows]
     unbroken = np.isfinite(q).all() and len(time) >= 4 and np.diff(time).max() <= GAP / rec.rate_hz
@@ -64,35 +64,34 @@ def _curve(rec: Recording, episode: int) -> CubicSpline | None:
 
 
 def _sight(rec: Recording, name: str, frames: Frames) -> Sight:
+    """Return the sight of camera `name`, of which `frames` are all frames; raise UserError if too few are usable."""
     episodes = frames.episodes
-    every, rows = joints_at(rec, frames.times, episodes), _standing(rec, frames)
+    q, rows = joints_at(rec, frames.times, episodes), _standing(rec, frames)
     if len(rows) < RULES.frames_least:
         what = f"camera '{name}' has too few frames at measured joint angles"
         raise UserError(what, file=rec.path, expected=f"{RULES.frames_least} or more", got=len(rows))
     if len(rows) > MOST:
         rows = rows[np.linspace(0, len(rows) - 1, MOST).round().astype(int)]
-    some, times, numbers = [frames[int(i)] for i in rows], frames.times[rows], episodes[rows]
-
-    smooth = {number: _curve(rec, number) for number in np.unique(numbers)}
+    used, times, numbers = [frames[int(i)] for i in rows], frames.times[rows], episodes[rows]
+    # one spline saves time where all frames are of one unbroken episode
+    curve = _curve(rec, numbers[0]) if (numbers == numbers[0]).all() else None
 
     def joints(time: np.ndarray, which: np.ndarray) -> np.ndarray:
-        if len(smooth) > 1 or (curve := next(iter(smooth.values()))) is None:
-            return joints_at(rec, time, numbers[which])
-        return curve(time)
+        return joints_at(rec, time, numbers[which]) if curve is None else curve(time)
 
     board = board_of(rec.cell, rec.path / "recording.yaml")
 
     @cache
     def corners(i: int) -> View | None:
-        rgb = None if board is None else some[i].rgb
+        rgb = None if board is None else used[i].rgb
         return None if rgb is None or board is None else view_of_board(rgb, board)
 
     def again(i: int) -> np.ndarray | None:
-        other = _held(every, episodes, int(rows[i]))
+        other = _held(q, episodes, int(rows[i]))
         return None if other is None else frames[other].depth
 
     recorded = frames.cameras[name]
-    pictures = (lambda i: some[i].rgb), (lambda i: some[i].depth)
+    pictures = (lambda i: used[i].rgb), (lambda i: used[i].depth)
     return Sight(rec.name, camera_of(recorded), times, joints, *pictures, board, corners, again, recorded.sensor)
 
 
