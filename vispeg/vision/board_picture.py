@@ -1,4 +1,4 @@
-"""A board laid into pictures of a cell: drawn by casting rays onto it, where nothing stands before it."""
+"""Draw a calibration board into rendered pictures of a cell, by casting rays onto it; nearer things hide it."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from vispeg.robots.scene import Scene
 from vispeg.vision.eye import Eye
 from vispeg.vision.predict import TO_LINEAR, Rendering, encoded
 
-FINER = 3  # rays a pixel in each direction
-PER_SQUARE = 24  # texels
-LIGHT = 0.8  # of the light that its white sends back
-LIFT = 2e-3  # m that it may lie below what the depth shows, and be seen
-THICK, GAP = 3e-3, 0.01  # m: of the board; between its printed side and the fixture
-LAID_M, LAID_RAD = 0.01, 0.1  # by which nobody knows where a board was put down, and how it was turned
+FINER = 3  # rays per pixel in each direction; odd, so that one goes through the middle
+PER_SQUARE = 24  # texels per side of a square
+LIGHT = 0.8  # linear brightness of the board's white
+LIFT = 2e-3  # m; a board at most this far behind the depth in the picture is still visible
+THICK, GAP = 3e-3, 0.01  # m, thickness of the board; gap between its printed side and the fixture
+LAID_M, LAID_RAD = 0.01, 0.1  # largest random shift per axis, m, and turn, rad, of a board put down by hand
 
 
 def put_down(board: Board, scene: Scene, seed: int) -> np.ndarray:
-    """(4, 4) board to base, z into the board: on the table beside the fixture, about as far off as hands put it."""
+    """Return a random pose (4, 4), board to base, z into the board, flat on the table beside the fixture."""
     rng = stream(seed, "board")
     x, y, _ = scene.target
     columns, rows = board.grid
@@ -32,13 +32,13 @@ def put_down(board: Board, scene: Scene, seed: int) -> np.ndarray:
     away = scene.config.block + GAP + LAID_M + 0.5 * board.square * (rows + 1)
     turned = Rotation.from_euler("z", np.pi / 2 + rng.uniform(-LAID_RAD, LAID_RAD))
     out[:3, :3] = turned.as_matrix() @ np.diag([1.0, -1.0, -1.0])
-    here = np.array([x - away, y, THICK]) + [*rng.uniform(-LAID_M, LAID_M, 2), 0.0]
-    out[:3, 3] = here - out[:3, :2] @ middle
+    centre = np.array([x - away, y, THICK]) + [*rng.uniform(-LAID_M, LAID_M, 2), 0.0]
+    out[:3, 3] = centre - out[:3, :2] @ middle
     return out
 
 
 def showing(board: Board, pose: np.ndarray) -> Callable[[Rendering], Rendering]:
-    """Return what puts a board that lies at a pose (4, 4), board to base, into pictures."""
+    """Return a function that draws a board at a pose (4, 4), board to base, into a rendered picture."""
 
     def shown(picture: Rendering) -> Rendering:
         camera = picture.pose[:3, 3], picture.pose[:3, :3]
@@ -49,13 +49,13 @@ def showing(board: Board, pose: np.ndarray) -> Callable[[Rendering], Rendering]:
 
 
 def texture(board: Board) -> np.ndarray:
-    """(rows, columns) of texels in [0, 1], one square around the outermost corners."""
+    """Return brightness (rows, columns) in [0, 1] per texel, up to one square beyond the outermost corners."""
     columns, rows = board.grid
     if board.kind == "charuco":
         size = (board.columns * PER_SQUARE, board.rows * PER_SQUARE)
         return board.opencv().generateImage(size, marginSize=0).astype(float) / 255
     y, x = np.mgrid[: rows + 1, : columns + 1]
-    return np.kron((x + y) % 2 == 1, np.ones((PER_SQUARE, PER_SQUARE)))  # between the first four corners it is dark
+    return np.kron((x + y) % 2 == 1, np.ones((PER_SQUARE, PER_SQUARE)))  # dark between the first four corners
 
 
 def with_board(
@@ -70,18 +70,18 @@ def with_board(
     """Return a picture and its depth with a board in it.
 
     Args:
-        rgb, depth: (H, W, 3) uint8 and (H, W) m without it; depth 0 where nothing is.
+        rgb, depth: (H, W, 3) uint8 and (H, W) m without the board; depth is 0 where there is no surface.
         eye: the camera.
-        camera: its place (3,) m and axes (3, 3) in the base frame.
+        camera: its position (3,) m and its axes (3, 3), as columns, in the base frame.
         board: what is printed.
         pose: (4, 4) board to base, z into the board.
-        height: of board coordinates x, y (n,) m, how far a place stands out of the plane towards the viewer, m.
+        height: function of board coordinates x, y, m: height of a bent board above its plane, towards the viewer, m.
     """
     fine, (pos, turn) = eye.finer(FINER), camera
     rays = fine.rays() @ turn.T @ pose[:3, :3]  # in the board's axes, planar depth 1
     start = (pos - pose[:3, 3]) @ pose[:3, :3]
     far = -start[2] / rays[..., 2]
-    for _ in range(4):
+    for _ in range(4):  # fixed-point iteration to where the ray meets a bent board
         x, y = start[0] + far * rays[..., 0], start[1] + far * rays[..., 1]
         far = (-height(x, y) - start[2]) / rays[..., 2]
     image, edge = texture(board), board.square

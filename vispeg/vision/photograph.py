@@ -1,4 +1,4 @@
-"""Takes pictures of a moving arm as a camera would: late, row by row, while the shutter is open, through its sensor.
+"""Take pictures of a moving arm as a camera does: delayed, row by row, while the shutter is open, through its sensor.
 
 What a picture shows depends on the motion itself, so delay, rolling shutter and the blur of a moving camera are not
 made from one still picture: the cell is drawn at the moments that the camera saw.
@@ -30,9 +30,9 @@ from vispeg.worlds.places import acts_on
 from vispeg.worlds.split import optical
 from vispeg.worlds.world import World
 
-FINER = 3  # rays a pixel in each direction
-DEPTH_UNIT = 1e-4  # m
-SENSES = "encoder_offset"  # what joints read, not where they are
+FINER = 3  # rays per pixel in each direction
+DEPTH_UNIT = 1e-4  # m, step of recorded depth
+SENSES = "encoder_offset"  # changes the readings of joints, not their angles, which `path` states
 
 
 def photograph(
@@ -49,22 +49,22 @@ def photograph(
     board: Board | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Frames:
-    """Pictures of a cell along a motion.
+    """Take pictures of a cell along a motion, with all cameras at all times.
 
     Args:
         scene: the cell.
-        cameras: as their user believes them; the frames state these, while `world` says what they are.
-        world: looks, cameras, sensors, and where fixture and held part stand; without ranges.
-        path: times (n,) s -> true joint angles (n, nj) rad.
-        times: (n,) s, the stamps.
-        seed: of what the sensors draw.
+        cameras: nominal cameras; the frames state these, and `world` has the true deviations from them.
+        world: effects on looks, cameras and sensors, and on the poses of fixture and held part.
+        path: function from times (n,) s to true joint angles (n, nj) rad.
+        times: (n,) s, time stamps of the pictures.
+        seed: of the sensors' noise and of the board's pose.
         backend, shadows: of the renderer.
-        finer: rays a pixel in each direction, an odd number.
-        board: that lies on the table, somewhere beside the fixture.
-        progress: called with the share that is done.
+        finer: rays per pixel in each direction, an odd number.
+        board: lies on the table beside the fixture (`put_down`); None for no board.
+        progress: called with the share of pictures taken, 0 to 1.
 
     Raises:
-        UserError: the world has depth by block matching, which is made of the task's own pictures only.
+        UserError: the world has depth by block matching, which works only in the task's own pictures.
     """
     for camera in cameras:
         if settings(world, camera.name) is not None:
@@ -93,7 +93,7 @@ def _sensor(world: World, camera: Camera) -> Pipeline:
 
 
 def _still(placed: EffectInstance, camera: str) -> EffectInstance:
-    """Motion blur without the part that the moving camera makes: that is in the picture."""
+    """Return an effect; motion blur without its exposure, since `exposed` has already blurred the picture by motion."""
     if placed.effect != "motion_blur" or not acts_on(placed.where, [camera]):
         return placed
     numbers = {name: value.value for name, value in placed.params.items()}
@@ -103,6 +103,7 @@ def _still(placed: EffectInstance, camera: str) -> EffectInstance:
 def _sensed(
     sensor: Pipeline, camera: Camera, rendering: Rendering, time: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
+    """Return a rendering as the sensor delivers it: (H, W, 3) uint8, and depth (H, W) m, 0 where it has no reading."""
     frame = Frame(
         rgb=rendering.rgb[None].astype(np.float32) / 255,
         depth=rendering.depth[None].copy(),
