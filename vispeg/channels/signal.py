@@ -52,7 +52,7 @@ class SignalChannel(Channel):
         return CHANNELS[Joints.name].part(world)
 
     def read(self, recording: Recording, world: World, how: How) -> Recording:
-        """Return its most informative windows, with the load that the model's cell says it carried."""
+        """Return a recording's most informative windows, with the load that the model's cell says the arm carried."""
         return CHANNELS[Joints.name].read(recording, world, how)
 
     def evidence(self, world: World, both: Both, how: How) -> tuple[Evidence, Evidence | None]:
@@ -81,14 +81,17 @@ class SignalEvidence(Evidence):
         """Return the signal's columns, with the noise that the header states, else an estimate from high frequencies.
 
         Arguments are as in `Evidence.compared`.
+
+        Raises:
+            UserError: no noise is stated, and that of a joint cannot be estimated.
         """
         signal = rec.signals[self.channel.name]
         values = signal.values[rows]
         sigma = highpass_sigma(signal.values) if signal.noise is None else np.full(values.shape[1], signal.noise)
         if not (sigma > 0).all():
             j = int(np.argmin(sigma))
-            joint, in_a_row = rec.joints[j], np.isfinite(np.diff(signal.values[:, j], 4)).any()
-            why = "does not vary" if in_a_row else "is never read five times in a row"
+            joint, estimable = rec.joints[j], np.isfinite(np.diff(signal.values[:, j], 4)).any()
+            why = "does not vary" if estimable else "is never read five times in a row"
             what = f"{why}, so that its noise cannot be told"
             expected = f"signals.{self.channel.name}.noise"
             raise UserError(what, file=rec.path, key=f"{self.channel.name}.{joint}", expected=expected)

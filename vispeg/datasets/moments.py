@@ -13,10 +13,10 @@ from vispeg.render.cameras.camera import Camera
 
 POINTS = 4000  # sampled points of a surface, about 2 mm apart on a part of 0.1 m; distances are along the normal
 PIXELS = 400  # pixels drawn at random from a picture; their median is known to a twentieth of their scatter
-FEWEST = 20  # fewest pixels of a part that are evaluated
+FEWEST = 20  # fewest points near a part's surface from which a distance is taken
 NEAR = 0.02  # m; a point farther from the surface belongs to something else
-LEAST = 1e-3  # m, least error of a late picture; errors of usual depth sensors change less between pictures
-SPREADS = 4.0  # least error of a late picture, in standard deviations of the distances
+LEAST = 1e-3  # m; a late picture's error exceeds this, by which errors of usual depth sensors do not change
+SPREADS = 4.0  # plus this many standard deviations of the distances
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,8 @@ def late(seen: Seen) -> tuple[np.ndarray, float, float]:
     A sensor's error changes slowly, so a picture's distance is compared with the median over the episode.
 
     Returns:
-        Indices of those pictures, and the medians of their errors, m, with their own labels and with the previous ones.
+        Indices (n,) of those pictures, and the medians of their errors, m, with their own and with the previous labels;
+        NaN if there are none.
     """
     from scipy.spatial import cKDTree
 
@@ -73,7 +74,7 @@ def late(seen: Seen) -> tuple[np.ndarray, float, float]:
         if len(rows) > PIXELS:
             rows = rng.choice(rows, PIXELS, replace=False)
         points = rays[rows] * depth[t].reshape(-1)[rows, None].astype(float)
-        points = (points - seen.at[label, :3, 3]) @ seen.at[label, :3, :3]
+        points = (points - seen.at[label, :3, 3]) @ seen.at[label, :3, :3]  # from camera axes into the mesh's frame
         away, nearest = tree.query(points, distance_upper_bound=NEAR)
         close = np.isfinite(away)
         if close.sum() < FEWEST:

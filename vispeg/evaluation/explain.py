@@ -1,7 +1,8 @@
-"""Explain why trials fail: replay their starts in simulation, apply the article's rules, price each named effect.
+"""Explain why trials fail: replay their starts in simulation, apply rules of thumb, price each named effect.
 
 Each trial's start is replayed several times over the model's uncertainty, and the trial is compared with the mean over
-its replays. The trial is the unit of every comparison of success: replays of one start are not independent.
+its replays. The trial is the unit of every comparison of success: replays of one start are not independent. The rules
+of thumb are those of "the article", the practitioners' guide in docs/sources.md.
 """
 
 from __future__ import annotations
@@ -30,9 +31,9 @@ from vispeg.trials.trial import Trial
 FORMAT = "vispeg-explain/1"
 CLOSED, OPEN, TOGETHER = "closed loop", "open loop", "all together"
 FEWEST = 10  # trials; with fewer, even if none fails, the failure rate may be 30 %
-TRACKING = 2.0  # deg, largest difference of a joint; the article's rule is 2 to 3 on any joint
-LATE = 0.02  # s, largest delay; the article's delays are 0 to 20 ms
-LIGHT = 1.0  # N, smallest simulated peak force that another is compared with
+TRACKING = 2.0  # deg, limit of a joint's RMS distance; the article's rule is 2 to 3 on any joint
+LATE = 0.02  # s, limit of the delay; the article's delays are 0 to 20 ms
+LIGHT = 1.0  # N, smallest divisor in the relative difference of peak forces
 DELAYS = np.arange(0, 41)  # delays to try, in samples
 
 
@@ -69,6 +70,7 @@ def summarise(
         repeats: the arm's pose repeatability, mm.
     """
     y = np.array([t.said.outcome.success for t in trials], float)
+    # kind -> (trials, replays)
     won = {kind: np.array([e.success for e in some]).reshape(len(y), -1) for kind, some in played.items()}
     mean = {kind: each.mean(axis=1) for kind, each in won.items()}
     tried = [_episode(policy, t, i) for i, t in enumerate(trials)]
@@ -128,6 +130,7 @@ def _shown(exchanged: Sequence[Sense]) -> str:
 
 
 def _episode(policy: str, trial: Trial, number: int) -> Episode:
+    """Return a robot's trial in the form of an evaluated episode, with its number as the seed."""
     o = trial.said.outcome
     force = np.nan if o.peak_force_n is None else o.peak_force_n
     return Episode(policy, "", 0, "robot", "", number, o.success, o.category, time=o.time_s, peak_force=force)
@@ -159,7 +162,7 @@ def _alone(first: np.ndarray, second: np.ndarray) -> Interval:
 
 
 def _signs(effects: Sequence[EffectInstance], rules: Sequence[Rule], exchanged: Sequence[Sense]) -> list[str]:
-    """Return the rules that are broken and the senses that differ, where they point to what these effects do."""
+    """Return, in words, the rules and senses that point to what these effects change."""
     told = {sign for e in effects for sign in _shows(e.effect)}
     return [
         *(f"{r['rule']} {r['value']:.3g} {r['unit']}" for r in rules if r["speaks"] and r["points_to"] in told),
@@ -184,12 +187,13 @@ def _shows(name: str) -> set[str]:
 
 
 def _rate(each: np.ndarray) -> Interval:
-    """Return the mean over trials (n,) with the interval of n single episodes: replays of a start add no trials."""
+    """Return the mean success over trials (n,), with Wilson's interval of n episodes: replays of a start add none."""
     found = wilson(round(float(each.sum())), len(each)).to_json()
     return {**found, "value": float(each.mean())}
 
 
 def _row(trial: Trial, closed: np.ndarray, opened: np.ndarray) -> TrialRow:
+    """Return a trial's row: its outcome, and the success of its replays (n,) in closed and open loop."""
     return {
         "trial": "" if trial.path is None else trial.path.name,
         "success": trial.said.outcome.success,
@@ -202,7 +206,14 @@ def _row(trial: Trial, closed: np.ndarray, opened: np.ndarray) -> TrialRow:
 def _verdict(
     gap: Decision, mean: Mapping[str, np.ndarray], failed: np.ndarray, causes: Sequence[Cause]
 ) -> tuple[str, str]:
-    """Return the verdict (`gap`, `policy`, `none` or CANNOT_TELL) and a sentence."""
+    """Return the verdict (`gap`, `policy`, `none` or CANNOT_TELL) and a sentence.
+
+    Args:
+        gap: success in closed-loop replays minus that of the trials.
+        mean: kind of replay -> success of each trial's replays (n,).
+        failed: (n,) bool, trials that failed.
+        causes: the largest cost first, all together last.
+    """
     n, count = len(failed), int(failed.sum())
     if n < FEWEST:
         return CANNOT_TELL, f"these trials cannot tell: there are {n}, at least {FEWEST} are needed"
@@ -229,6 +240,7 @@ def _cause(
     y: np.ndarray,
     decision: Decision,
 ) -> Cause:
+    """Return the row of a cause; `decision` is on success without it minus success with it; `y` (n,) is the trials'."""
     with_it = mean[name]
     share = statistics.share(mean[CLOSED] - with_it, mean[CLOSED] - y) if len(y) >= FEWEST else None
     cost = decision.estimate
@@ -255,7 +267,7 @@ def _cause(
 
 
 def _rules(trials: Sequence[Trial], replayed: Sequence[Trial], measures: Sequence[Measure]) -> list[Rule]:
-    """Return the article's rules of thumb, each with its number here."""
+    """Return the article's rules of thumb, each with its value in these trials and their replays."""
     followed = [f for f in map(_followed, trials, replayed) if f is not None]
     rules: list[Rule] = []
     if followed:
@@ -299,6 +311,6 @@ def _followed(trial: Trial, replay: Trial) -> tuple[np.ndarray, float] | None:
         np.stack([np.interp(begun + np.arange(n) / rate, rec.time, q) for q in rec.q.T], axis=1) for rec, begun in sides
     )
     speed = [np.diff(q, axis=0) for q in (real, simulated)]
-    left = [float(np.nanmean((speed[0][k:] - speed[1][: n - 1 - k]) ** 2)) for k in DELAYS]
-    late = float(DELAYS[int(np.argmin(left))]) / rate
+    residual = [float(np.nanmean((speed[0][k:] - speed[1][: n - 1 - k]) ** 2)) for k in DELAYS]
+    late = float(DELAYS[int(np.argmin(residual))]) / rate
     return np.rad2deg(np.sqrt(np.nanmean((real - simulated) ** 2, axis=0))), late

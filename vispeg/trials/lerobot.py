@@ -75,7 +75,7 @@ class MotorPart(_Part):
 
     @property
     def line(self) -> tuple[float, float]:
-        """The factors (a, b) in joint angle = a x + b, rad, at motor position x."""
+        """Slope a and intercept b, rad, of the joint angle a x + b at motor position x, in the motor's unit."""
         if self.range_rad is not None:
             low, high = self.range_rad
             return (high - low) / 200.0, (high + low) / 2.0
@@ -139,6 +139,12 @@ class Motors:
         action: names of the values that the robot accepts.
         file: the file of `wiring`, for error messages.
 
+    Attributes:
+        slope, zero: (nj,) joint angle = slope * motor position + zero, rad.
+        read, sent: (nj,) index of each joint's motor among the reported and the accepted values.
+        others: (index among the accepted values, index among the reported values) of every value that is in both.
+        unknown: accepted values that are not reported; `action` requires that there are none.
+
     Raises:
         UserError: an unknown joint or motor, or one motor for two joints.
     """
@@ -168,13 +174,16 @@ class Motors:
         self.unknown = [name for name in action if name not in state]
 
     def angles(self, state: np.ndarray) -> np.ndarray:
-        """Convert the robot's reported values to joint angles (nj,) rad."""
+        """Convert the robot's reported values (nstate,) to joint angles (nj,) rad."""
         return self.slope * state[self.read] + self.zero
 
     def action(self, q: np.ndarray, before: np.ndarray) -> np.ndarray:
-        """Convert angles (nj,) rad to values to send; motors without a joint keep their value in the state `before`."""
+        """Convert angles (nj,) rad to the values to send (naction,).
+
+        Motors without a joint keep the value that they have in `before`, reported values (nstate,).
+        """
         out = np.zeros(len(self.others))
-        for i, at in self.others:
+        for i, at in self.others:  # of all motors; the next line replaces those of the joints
             out[i] = before[at]
         out[self.sent] = (q - self.zero) / self.slope
         return out
@@ -237,6 +246,7 @@ class LeRobotRobot:
         return Connected(wrench=None)
 
     def _open(self, interface: Interface) -> None:
+        """Start LeRobot's process, check motors and cameras, take a first reading, and start the thread."""
         if interface.feels:  # the run loop will refuse such a policy, so leave the arm alone
             return
         told = self._link.begin()
@@ -252,6 +262,7 @@ class LeRobotRobot:
         self._thread.start()
 
     def _cameras(self, interface: Interface, there: Sequence[str]) -> dict[str, tuple[str, Camera, CameraPart]]:
+        """Return, by the policy's name of each camera: LeRobot's name, the camera of training, and its lens here."""
         out = {}
         for key, seen in interface.images.items():
             name = camera_of(key)
@@ -300,13 +311,14 @@ class LeRobotRobot:
         told = self._link.ask(asked | ({"look": 1} if look else {}), WAIT)
         at, state = float(told["time"]), told["state"]
         if self._newest is None or action is None:
-            self._state = state  # the other motors are held here
+            self._state = state  # the last before the first command: motors without a joint are held there
         q = self._motors.angles(state)
         if look:
             self._seen = now, {name: self._picture(name, told[f"camera.{eye[0]}"]) for name, eye in self._eyes.items()}
         self._newest = Reading(at, q, self._slope.add(at, q), None)
 
     def _picture(self, name: str, image: np.ndarray) -> Picture:
+        """Return LeRobot's image as a picture, with the lens that the file states."""
         _, eye, part = self._eyes[name]
         if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
             raise UserError("not a colour picture", key=name, expected="(H, W, 3) of 0 to 255", got=image.shape)

@@ -1,7 +1,7 @@
 """Levels that scale how far a world's ranges extend from nominal during training: by a schedule, or adaptively.
 
-A level of 0 is the nominal world, 1 the whole range. `RandomizedWorld.sample` takes one level for all ranges, or one
-for each.
+At level 0 a drawn parameter is nominal, at 1 it has its whole range. Levels do not change fixed numbers and shape
+parameters. `RandomizedWorld.sample` takes one level for all ranges, or one for each.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class Adaptive:
             raise UserError("not thresholds", expected="window > 0 and low < high", got=(window, low, high))
         self.step, self.window, self.low, self.high, self.edge = step, window, low, high, edge
         self.ranges = {r.label: r for r in world.ranges if any(_sides(r, n) for n in r.params)}
-        self.own = {r.label for r in world.ranges}  # a place with its own range is not governed by one for many places
+        self.own = {r.label for r in world.ranges}
         self.levels = dict.fromkeys(self.ranges, float(start))
         self.outcomes: dict[str, list[bool]] = {label: [] for label in self.ranges}
 
@@ -127,10 +127,11 @@ class Adaptive:
         self.outcomes = {k: [bool(x) for x in v] for k, v in state["outcomes"].items()}
 
     def _governs(self, r: RandomizedEffect, name: str) -> bool:
-        broad = r.where in MANY
-        return name == r.label or broad and name.startswith(f"{r.effect}(") and name not in self.own
+        """Say whether the effect labelled `name` was drawn from a range; a range of one place precedes one of many."""
+        return name == r.label or r.where in MANY and name.startswith(f"{r.effect}(") and name not in self.own
 
     def _at_edge(self, r: RandomizedEffect, values: Mapping[str, float]) -> bool:
+        """Say whether a drawn parameter lies in the outer share `1 - edge` of what the present level allows."""
         level = self.levels[r.label]
         for name in r.params:
             sides = _sides(r, name)
@@ -143,19 +144,21 @@ class Adaptive:
         return False
 
     def _move(self, label: str) -> None:
+        """Change a range's level if it has `window` outcomes."""
         recent = self.outcomes[label]
         if len(recent) < self.window:
             return
         rate = np.mean(recent)
         change = self.step if rate >= self.high else -self.step if rate <= self.low else 0.0
+        # rounded, so that levels stay multiples of the step
         self.levels[label] = float(np.clip(round(self.levels[label] + change, 9), 0.0, 1.0))
         self.outcomes[label] = []
 
 
 def _sides(r: RandomizedEffect, name: str) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Return at which distances from null a range of a parameter begins and ends at level 1, below null and above it.
+    """Return the (nearest, farthest) distance from null of a parameter's range at level 1, below null and above it.
 
-    It begins at 0 if it contains null. None for a parameter that levels do not scale.
+    The nearest is 0 if the range contains null. None for a parameter that levels do not scale.
     """
     spec: float | Distribution = r.params[name]
     param = effect(r.effect).params[name]

@@ -51,12 +51,13 @@ class RandomizedEffect:
         Args:
             seed: of the episode.
             where: the target.
-            level: 0 to 1, scales the distance of magnitudes from their null (for a curriculum).
+            level: 0 to 1, scales the distance of drawn values from null, except those of shape parameters.
         """
         rng = stream(seed, "world", self.effect, where)
         without = rng.uniform() >= self.chance
         values = {}
         for name in sorted(self.params):
+            # drawn for fixed numbers too, so that they do not change the draws of the parameters after them
             normal, stated = rng.standard_normal(), self.params[name]
             if isinstance(stated, (int, float)):
                 values[name] = float(stated)
@@ -97,7 +98,7 @@ class RandomizedWorld:
 
         Args:
             seed: of the episode.
-            model: the RobotModel or Scene whose targets `each` stands for.
+            model: the RobotModel or Scene whose targets `each` stands for, see `places.instances`.
             levels: 0 to 1, for all ranges or by label, see `RandomizedEffect.draw`; ranges without one have 1.
         """
         drawn = []
@@ -108,7 +109,7 @@ class RandomizedWorld:
         return self.base.add(*drawn)
 
     def middle(self, model: Any) -> World:
-        """Return the world with every range at its median; effects in fewer than half of the episodes are left out."""
+        """Return the world with all parameters at their medians, without effects whose `chance` is below 0.5."""
         drawn = []
         for r in self.ranges:
             values = {k: v if isinstance(v, (int, float)) else v.at(0.5) for k, v in r.params.items()}

@@ -35,11 +35,11 @@ class World:
         check_name(self.robot)
 
     def add(self, *effects: EffectInstance | str, **values: float) -> World:
-        """Return this world with effects added; one at the same place replaces its predecessor.
+        """Return this world with effects added; each replaces one of the same name at the same place.
 
         Args:
             effects: instances; or the name of one effect and its place, as in `add("payload", "flange", mass=1.2)`.
-            values: of that one effect; others are null (shape parameters `start`).
+            values: parameters of that one effect; the others are null (shape parameters `start`).
 
         Raises:
             UserError: no such effect or parameter, or a name without a place.

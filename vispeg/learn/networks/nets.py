@@ -10,7 +10,7 @@ from torch.nn import functional as F
 
 
 def mlp(inputs: int, hidden: Sequence[int]) -> nn.Sequential:
-    """Return a perceptron with Linear, LayerNorm and ReLU for each hidden width.
+    """Return a perceptron from (n, inputs) to (n, hidden[-1]): Linear, LayerNorm and ReLU for each hidden width.
 
     The normalisation bounds a value network's output for actions it never saw (Ball et al. 2023, arXiv:2302.02948).
     """
@@ -42,7 +42,7 @@ class Scale(nn.Module):
         self.register_buffer("spread", torch.ones(size))
 
     def measure(self, x: Tensor) -> None:
-        """Set mean and standard deviation from samples (n, size)."""
+        """Set mean and standard deviation from at least two samples (n, size)."""
         self.mean.copy_(x.mean(0))
         self.spread.copy_(x.std(0).clamp_min(self.floor))
 
@@ -104,7 +104,7 @@ def random_shift(x: Tensor, pixels: int, groups: int = 16) -> Tensor:
 
 
 def soft_update(target: nn.Module, source: nn.Module, tau: float) -> None:
-    """Set target <- (1 - tau) target + tau source, for all parameters at once."""
+    """Set target <- (1 - tau) target + tau source for all parameters; buffers, such as those of Scale, stay."""
     with torch.no_grad():
         torch._foreach_lerp_(  # pyright: ignore[reportPrivateImportUsage]  # torch has it in no other place
             list(target.parameters()), list(source.parameters()), tau

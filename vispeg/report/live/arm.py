@@ -27,7 +27,7 @@ def with_arms(world: World, arrays: dict[str, np.ndarray]) -> None:
 
 
 def arm_arrays(world: World, joints: Iterable[str]) -> dict[str, np.ndarray]:
-    """Return the arm of a world, without effects, as arrays `arm/KEY`; empty for a robot with nothing to draw.
+    """Return the arm of a world, without effects, as arrays `arm/KEY`; empty if it cannot be drawn.
 
     For nb bodies: `parent` (nb,), and `pos` (nb, 3), m, and `quat` (nb, 4), w x y z, in the parent. For k moved joints,
     in kinematic order: `joint` (k, 2), body and index in `joints`; `axis` and `anchor` (k, 3) in the body; `zero` (k,),
@@ -66,7 +66,8 @@ def picked(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 def stage(arm: Mapping[str, np.ndarray]) -> dict[str, object]:
     """Return the data for the page's script: plain numbers, with vertices and faces as 16-bit integers in base64.
 
-    Faces are sorted by body, so that each body is one range of faces.
+    Faces are sorted by body, so that each body is one range of faces: `parts` has (body, its first face, number of its
+    faces). Vertices are integers times `scale`, m. A joint's `at` is its index in the result's `joints`.
     """
     order = np.argsort(arm["body"][arm["face"][:, 0].astype(int)], kind="stable")
     face = arm["face"][order].astype(int)
@@ -90,11 +91,12 @@ def stage(arm: Mapping[str, np.ndarray]) -> dict[str, object]:
 
 
 def _turns(model: mujoco.MjModel, j: int) -> bool:
+    """Say whether a joint is a hinge; the page's script moves no others."""
     return model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
 
 
 def _shapes(model: mujoco.MjModel) -> list[tuple[np.ndarray, np.ndarray, int, np.ndarray]]:
-    """Return (vertices in the body, faces, body, colour) of drawn shapes except planes; [] if too many vertices."""
+    """Return (vertices in the body, faces, body, colour) of drawn shapes except planes; [] from 2**16 vertices on."""
     geoms = [g for g in visible(model) if model.geom_type[g] != mujoco.mjtGeom.mjGEOM_PLANE]
     shapes = [(g, shape) for g in geoms if (shape := shape_of(model, g)) is not None]
     total, out = sum(len(faces) for _, (_, faces) in shapes), []
@@ -105,12 +107,14 @@ def _shapes(model: mujoco.MjModel) -> list[tuple[np.ndarray, np.ndarray, int, np
         placed = vertices @ turn.reshape(3, 3).T + model.geom_pos[g]
         colour = np.round(255 * np.clip(colour_of(model, g), 0, 1)).astype(np.uint8)
         out.append((placed, faces, int(model.geom_bodyid[g]), colour))
-    return out if sum(len(v) for v, *_ in out) < 2**16 else []
+    return out if sum(len(v) for v, *_ in out) < 2**16 else []  # the page's indices have 16 bits
 
 
 def _short(values: np.ndarray) -> list[float]:
+    """Round to 7 significant digits."""
     return [float(f"{v:.7g}") for v in values]
 
 
 def _text(values: np.ndarray) -> str:
+    """Encode an array's bytes in base64."""
     return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode()
