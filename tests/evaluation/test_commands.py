@@ -39,6 +39,9 @@ def test_a_gap_from_records_and_a_robots_csv(vispeg, tmp_path, invented):
     assert "cable caught" in (tmp_path / "g" / "gap.html").read_text()
     code, _, err = vispeg("gap", "--records", "e.jsonl", "--worlds", "S", "V", "--out", "g")
     assert code == 2 and "exists already" in err
+    again = ("--measured", "r.csv", "--robot", "V", "--out", "h")
+    code, _, err = vispeg("gap", "--records", "e.jsonl", "--worlds", "S", "V", *again)
+    assert code == 2 and "--robot: a world has the robot's name" in err and not (tmp_path / "h").exists()
 
 
 @pytest.mark.parametrize(

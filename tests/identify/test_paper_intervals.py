@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from vispeg.cli.main import main
+from vispeg.core.errors import UserError
 from vispeg.identify.paper import protocol
 from vispeg.identify.paper.intervals import determine
 from vispeg.recordings.load import load
@@ -21,13 +22,18 @@ TRUTH = {  # by label and parameter; all else is null
 
 
 @pytest.fixture(scope="module")
-def determined(tmp_path_factory):
+def recorded(tmp_path_factory):
     out = tmp_path_factory.mktemp("osc") / "run"
     hidden = ["link_mass:link4:mass=0.8", "link_mass:link6:mass=-0.2", "viscous_friction:joint4:damping=2"]
     hidden += ["viscous_friction:joint6:damping=1", "gravity_tilt:base:roll=0.006"]
     args = ["record", "iiwa14", "--out", str(out), "--motion", "osc", "--duration", "4", "--seed", "3"]
     assert main([*args, "--effects", *hidden]) == 0
-    pieces = protocol.cut(load(out))
+    return out
+
+
+@pytest.fixture(scope="module")
+def determined(recorded):
+    pieces = protocol.cut(load(recorded))
     space = protocol.Coordinates(World(), pieces)  # the search is left out: it only begins nearer
     return space, pieces, determine(space, pieces, World())
 
@@ -59,6 +65,19 @@ def test_steps_without_a_measured_pose_are_not_compared(determined):
     assert protocol.cost(some, path) == pytest.approx(
         protocol.cost(pieces, path) - np.linalg.norm((pieces.measured - path)[0]) + left
     )
+
+
+def test_missing_angles_are_no_positions_where_the_flange_was_not_measured(determined, recorded):
+    rec = replace(load(recorded), ee=None)
+    gone = rec.q.copy()
+    gone[400:405] = np.nan
+    whole, some = protocol.cut(rec), protocol.cut(replace(rec, q=gone))
+    (path,) = protocol.paths(whole, [World()])
+    assert protocol.cost(some, path) == pytest.approx(protocol.cost(whole, path), rel=0.05)
+    ee = load(recorded).ee.copy()
+    ee[: len(ee) // 8] = np.nan  # more than a ninth
+    with pytest.raises(UserError, match="a piece without a measured pose"):
+        protocol.cut(replace(rec, ee=ee))
 
 
 def test_it_ends_at_the_cost_of_the_truth(determined):

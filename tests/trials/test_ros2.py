@@ -117,17 +117,16 @@ def test_what_the_simulated_arm_publishes_is_read_back(frame, acts_on):
     rng = np.random.default_rng(1)
     wrench, turn = rng.normal(size=6), Rotation.random(rng=2).as_matrix()
     quat = (1, 0, 0, 0) if frame == "base" else tuple(Rotation.random(rng=3).as_quat(scalar_first=True))
-    weight, sensor = np.array([0, 0, -8.0]), WrenchSensor(frame, acts_on, "weight", (0.01, -0.02, 0.1), quat)
-    again = reaction(canonical(as_read(wrench, sensor, turn, turn.T @ weight)[None], sensor, turn[None]))[0]
-    again[:3] += turn.T @ weight
-    np.testing.assert_allclose(again, wrench, atol=1e-12)
+    tare, sensor = rng.normal(size=6), WrenchSensor(frame, acts_on, "weight", (0.01, -0.02, 0.1), quat)
+    again = reaction(canonical(as_read(wrench, sensor, turn, tare)[None], sensor, turn[None]))[0]
+    np.testing.assert_allclose(again + tare, wrench, atol=1e-12)
 
 
 def test_a_sensor_zeroed_at_its_start_keeps_that_zero_in_every_posture():
     """It subtracts one and the same reading, whatever the hand does later."""
     wrench, turns = np.random.default_rng(1).normal(size=6), Rotation.random(2, rng=2).as_matrix()
     zeroed, raw = WrenchSensor(tared=True, pos=(0.01, 0.0, 0.1)), WrenchSensor(pos=(0.01, 0.0, 0.1))
-    tare = turns[0].T @ [0.0, 0.0, -8.0]
+    tare = np.concatenate([turns[0].T @ [0.0, 0.0, -8.0], [0.1, 0.4, 0.0]])
     less = [as_read(wrench, zeroed, turn, tare) - as_read(wrench, raw, turn, tare) for turn in turns]
     np.testing.assert_allclose(less[0], less[1], atol=1e-12)
     assert np.linalg.norm(less[0][:3]) == pytest.approx(8.0)

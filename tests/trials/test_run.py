@@ -292,11 +292,12 @@ def test_a_wrench_in_other_words_is_the_same_to_the_policy(robot):
             r = super().read(cameras)
             turn = self.interface.chain.rotation(r.q[None])[0]
             force, torque = turn @ r.wrench[:3], turn @ r.wrench[3:]
-            if self.sensor.tared == "weight":
-                force = force - self.interface.tool.weight_n
-            elif self.sensor.tared:
-                self.zero = turn.T @ self.interface.tool.weight_n if self.zero is None else self.zero
-                force = force - turn @ self.zero
+            tool = self.interface.tool
+            weight = turn.T @ tool.weight_n  # by hand: a sensor feels it at the centre of mass
+            weight = np.concatenate([weight, np.cross(tool.com_m, weight)])
+            if self.sensor.tared:
+                self.zero = weight if self.zero is None or self.sensor.tared == "weight" else self.zero
+                force, torque = force - turn @ self.zero[:3], torque - turn @ self.zero[3:]
             sign = -1.0 if self.sensor.acts_on == "tool" else 1.0
             return replace(r, wrench=sign * np.concatenate([force, torque]))
 
@@ -330,13 +331,13 @@ def test_a_sensor_zeroed_once_feels_no_contact_in_free_air_however_its_tool_is_t
             return Connected(wrench=WrenchSensor(acts_on="flange", tared=True))
 
         def weight(self, q):
-            return self.interface.chain.rotation(q[None])[0].T @ self.interface.tool.weight_n
+            return self.interface.tool.weight_at(self.interface.chain.rotation(q[None])[0])
 
         def read(self, cameras=()):
             home = np.array(self.interface.arm.home_rad)
             q, dq = home.copy(), np.zeros(7)
             q[5] += 0.2 * self.time  # rad
-            return Reading(self.time, q, dq, np.concatenate([self.weight(q) - self.weight(home), np.zeros(3)]))
+            return Reading(self.time, q, dq, self.weight(q) - self.weight(home))
 
         def command(self, pose): ...
 

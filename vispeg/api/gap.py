@@ -132,6 +132,8 @@ def gap(
                 seeds = seeds_of(episodes, seed)
                 check_stored(make_jobs(who, chosen.settings(), seeds, Path(folder)), stored_before, files)
     names = [str(w) for w in worlds] if chosen is None else chosen.names
+    if trials.episodes and robot in {*names, *(e.world for e in stored_before)}:
+        raise UserError("a world has the robot's name", key="--robot", expected="another name", got=robot)
     with workplace(out if who else None, "gap.json", overwrite, read) as place:
         jobs: list[Job] = []
         played = []

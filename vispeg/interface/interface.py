@@ -107,6 +107,11 @@ class Tool(_Part):
     com_m: Vec3
     inertia_kgm2: Vec3
 
+    def weight_at(self, turn: np.ndarray) -> np.ndarray:
+        """Return the wrench (6,) N, N m of the weight on the flange, in its axes; `turn` (3, 3) is flange to base."""
+        force = turn.T @ self.weight_n
+        return np.concatenate([force, np.cross(self.com_m, force)])
+
 
 class Controller(_Part):
     """The controller that holds the flange, with the wrench `Lambda (kp e - kd v)`; gains in 1/s^2 and 1/s."""

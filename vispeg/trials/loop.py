@@ -230,7 +230,9 @@ class _Loop:
         self.goal = None if believed is None else np.asarray(believed, float)
         self.target = np.zeros(7)
         self.first: Reading | None = None
-        self.weighed: np.ndarray | None = None  # (3,) N, flange axes: the weight in the last pose of taring
+        self.weighed: np.ndarray | None = (
+            None  # (6,) N, N m at the flange: the tool's weight in the last pose of taring
+        )
         self.why: str | None = None
 
     def run(self, beat: Callable[[], None]) -> str | None:
@@ -311,9 +313,9 @@ class _Loop:
         turn = self.builder.observer.chain.rotation(np.asarray(reading.q, float)[None])
         out = reaction(canonical(wrench[None], sensor, turn))[0]
         if self.weighed is None or sensor.tared == "weight":
-            self.weighed = turn[0].T @ self.interface.tool.weight_n
+            self.weighed = self.interface.tool.weight_at(turn[0])
         if sensor.tared:
-            out[:3] += self.weighed
+            out += self.weighed
         return out
 
     def _force(self, wrench: np.ndarray) -> float | None:

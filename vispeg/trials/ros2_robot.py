@@ -112,7 +112,7 @@ class Ros2Node:
         f, t = force.wrench.force, force.wrench.torque
         axes = rotation(turn[0])
         if self.tare is None or self.sensor.tared == "weight":
-            self.tare = axes.T @ self.interface.tool.weight_n
+            self.tare = self.interface.tool.weight_at(axes)
         f.x, f.y, f.z, t.x, t.y, t.z = as_read(read["wrench"], self.sensor, axes, self.tare).tolist()
         self.force.publish(force)
 
@@ -135,11 +135,10 @@ def as_read(wrench: np.ndarray, sensor: WrenchSensor, turn: np.ndarray, tare: np
         wrench: (6,) wrench of the tool on the flange, weight included, in flange axes, N and N m.
         sensor: the sensor's convention.
         turn: (3, 3) rotation from flange to base.
-        tare: (3,) force in flange axes, N, that a tared sensor subtracts: the tool's weight now, or that of its start.
+        tare: (6,) N, N m at the flange, what a tared sensor subtracts: the tool's weight now, or that of its start.
     """
-    force, torque = wrench[:3].copy(), wrench[3:]
-    if sensor.tared:
-        force -= tare
+    felt = wrench - tare if sensor.tared else wrench
+    force, torque = felt[:3], felt[3:]
     torque = torque - np.cross(sensor.pos, force)
     axes = turn if sensor.frame == "base" else rotation(sensor.quat).T
     return (-1.0 if sensor.acts_on == "tool" else 1.0) * np.concatenate([axes @ force, axes @ torque])

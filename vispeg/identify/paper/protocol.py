@@ -58,7 +58,7 @@ def cut(rec: Recording, pieces: int = PIECES, steps: int = STEPS) -> Pieces:
     """Cut a recording into equal pieces, or use its episodes if there are as many.
 
     Raises:
-        UserError: another controller than osc, or too few samples.
+        UserError: another controller than osc, too few samples, or a piece in which no pose was measured.
     """
     if rec.control.mode != "osc":
         expected = "osc, such as from `vispeg record --motion osc`"
@@ -78,9 +78,12 @@ def cut(rec: Recording, pieces: int = PIECES, steps: int = STEPS) -> Pieces:
         )
     out = [_piece(s, k * ticks, ticks, steps) for s in runs for k in range(parts)]
     path = rec.ee[:, :3] if rec.ee is not None else flange_pose(robot, rec.q)[:, :3]
+    path = np.where(np.isnan(rec.q if rec.ee is None else path).any(axis=1, keepdims=True), np.nan, path)
     measured = np.stack(
         [np.stack([np.interp(s.rows, np.arange(len(path)), column) for column in path.T], 1) for s in out]
     )
+    if np.isnan(measured).any(axis=2).all(axis=1).any():
+        raise UserError("has a piece without a measured pose", file=rec.path, key="q" if rec.ee is None else "ee")
     return Pieces(robot, tuple(out), measured)
 
 
