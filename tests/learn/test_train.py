@@ -271,6 +271,12 @@ def test_a_run_that_cannot_be_is_refused(change, said):
             config(**change)
 
 
+@pytest.mark.parametrize("level", [-1.0, 5.0])
+def test_a_level_is_a_share_of_the_ranges(level):
+    with pytest.raises(UserError, match="level: not a share"):
+        Stage(level=level)
+
+
 def test_runs_are_not_overwritten_and_strangers_not_resumed(tmp_path):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "mine.txt").write_text("x")

@@ -112,3 +112,22 @@ def test_the_flange_of_a_recording_s_pictures_does_not_depend_on_the_order_of_it
         rec = Recording(Path("r"), "iiwa14", arm.joints[:n], 100.0, Control(), time, q[:, :n], frames=frames)
         found = photographs(write(in_order(rec, joints), tmp_path / name), None, "eye")
         assert found.flange([file.name for file in found.files])[:, :3, 3] == pytest.approx(wanted[:, :3], abs=1e-6)
+
+
+def test_pictures_of_one_name_in_two_folders_are_refused_as_their_poses_are_looked_up_by_name(tmp_path):
+    time, eye = np.arange(100) / 100.0, RecordedCamera("eye", 8, 6, 9.0, 9.0, 3.5, 2.5)
+    frames = Frames({"eye": eye}, tuple(RecordedFrame(t, eye, np.zeros((6, 8, 3), np.uint8)) for t in (0.1, 0.5)))
+    q = np.tile(np.linspace(0.7, 0.1, 7), (100, 1))
+    out = write(
+        Recording(Path("r"), "iiwa14", robot("iiwa14").joints, 100.0, Control(), time, q, frames=frames), tmp_path / "r"
+    )
+    index = out / "frames" / "index.csv"
+    text = index.read_text()
+    for number, file in enumerate(sorted((out / "frames").glob("**/*.png"))):
+        there = out / "frames" / f"set{number}" / "image.png"
+        there.parent.mkdir()
+        text = text.replace(file.relative_to(out / "frames").as_posix(), f"set{number}/image.png")
+        file.rename(there)
+    index.write_text(text)
+    with pytest.raises(UserError, match="frames/index.csv: two pictures have one file name"):
+        photographs(out, None, "eye")

@@ -66,6 +66,10 @@ def _recorded(root: Path, poses: str | Path | None, camera: str) -> Photographs:
     if not flange:
         raise UserError("no colour frames at measured joint angles", file=root)
     by_name = {file.name: pose for file, pose in flange.items()}
+    if len(by_name) < len(flange):
+        raise UserError(
+            "two pictures have one file name", file=root, key="frames/index.csv", expected="names that differ"
+        )
     return Photographs(list(flange), lambda wanted: np.stack([by_name[name] for name in wanted]))
 
 

@@ -36,6 +36,10 @@ class Stage:
     radius: float | None = None
     level: float = 1.0
 
+    def __post_init__(self) -> None:
+        if not 0 <= self.level <= 1:
+            raise UserError("not a share", key="level", expected="0 to 1", got=self.level)
+
     def plain(self) -> dict[str, object]:
         """Return the stage as config.yaml holds it: the settings by name, with `radius` and `level`."""
         return {**self.settings, "radius": self.radius, "level": self.level}

@@ -82,7 +82,7 @@ def cut(rec: Recording, pieces: int = PIECES, steps: int = STEPS) -> Pieces:
     measured = np.stack(
         [np.stack([np.interp(s.rows, np.arange(len(path)), column) for column in path.T], 1) for s in out]
     )
-    if np.isnan(measured).any(axis=2).all(axis=1).any():
+    if any(np.isnan(piece).all() for piece in measured):
         raise UserError("has a piece without a measured pose", file=rec.path, key="q" if rec.ee is None else "ee")
     return Pieces(robot, tuple(out), measured)
 
