@@ -100,6 +100,18 @@ def test_in_their_own_world_trials_end_as_they_did_by_policy_and_by_actions(cell
     assert found["rules"][0]["value"] < 0.01, "deg"
 
 
+def test_an_effect_with_which_more_succeed_is_no_cause(cell, tmp_path):
+    (tmp_path / "model.yaml").write_text(
+        "format: vispeg-model/1\neffects: [{effect: coulomb_friction, where: joint4, params: {torque: 0.0}}]\n"
+    )
+    found = explained(
+        cell, tmp_path / "why", "--world", str(cell / "hidden.yaml"), "--model", str(tmp_path / "model.yaml")
+    )
+    (cause,) = found["causes"]
+    assert cause["verdict"] == "different" and cause["cost"]["value"] < 0 and cause["words"].startswith("gains ")
+    assert "first cause" not in found["words"]
+
+
 def test_few_trials_cannot_tell_and_without_a_model_no_cause_is_tried(cell, tmp_path):
     argv = ["evaluate", "expert", "--world", "nominal", "--episodes", "2", "--videos", "0", "--quiet", "--json"]
     assert main([*argv, "--out", str(tmp_path / "e"), "--keep-trials", str(tmp_path / "few")]) == 0

@@ -229,7 +229,7 @@ def _verdict(
     said += ": the gap is in physics or looks"
     if opened > 0.5:
         said += f"; so do {100 * opened:.0f} % with the trials' own actions, which points to physics"
-    first = next((c for c in causes if c["verdict"] == "different"), None)
+    first = next((c for c in causes if c["verdict"] == "different" and (c["cost"]["value"] or 0) > 0), None)
     return "gap", said if first is None else f"{said}; first cause: {first['effect']}"
 
 
@@ -244,7 +244,9 @@ def _cause(
     with_it = mean[name]
     share = statistics.share(mean[CLOSED] - with_it, mean[CLOSED] - y) if len(y) >= FEWEST else None
     cost = decision.estimate
-    if decision.certain:
+    if decision.certain and cost.value < 0:
+        words = f"gains {-100 * cost.value:.0f} points ({-100 * cost.high:.0f} to {-100 * cost.low:.0f})"
+    elif decision.certain:
         words = f"costs {100 * cost.value:.0f} points ({100 * cost.low:.0f} to {100 * cost.high:.0f})"
     elif decision.verdict == "equal":
         words = "costs this policy nothing, to within 5 points"

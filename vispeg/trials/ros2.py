@@ -29,7 +29,7 @@ from vispeg.interface.builder import Picture
 from vispeg.interface.interface import Interface
 from vispeg.recordings.importers.camera_info import lens_of
 from vispeg.recordings.load_cell import wrench
-from vispeg.recordings.schema import Turn, Vec3, WrenchSection
+from vispeg.recordings.schema import Quaternion, Vec3, WrenchSection
 from vispeg.render.cameras.camera import Camera, rotation
 from vispeg.render.image_kinds import RGB, camera_of, kind_of
 from vispeg.trials.driver import Connected, Reading
@@ -72,7 +72,7 @@ class FramePart(_Part):
     """Pose in the flange of the frame that the controller holds: position, m, and quaternion w x y z."""
 
     pos_m: Vec3 = [0.0, 0.0, 0.0]
-    quat: Turn = [1.0, 0.0, 0.0, 0.0]
+    quat: Quaternion = [1.0, 0.0, 0.0, 0.0]
 
     @property
     def pose(self) -> np.ndarray:

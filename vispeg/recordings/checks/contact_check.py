@@ -14,7 +14,9 @@ from vispeg.core.effect import REGISTRY, effect
 from vispeg.recordings.checks.extent import AIR, HARD, LONG, NEEDS, Extent, joined, lacking
 from vispeg.recordings.regimes import FREE, IMPACT, INSIDE, PRESS, REGIMES, SLIDE
 
-WORDS = dict(zip(REGIMES, ("in free air", "pressing", "sliding", "inserted", "hitting"), strict=True))
+WORDS: Mapping[str, str] = dict(
+    zip(REGIMES, ("in free air", "pressing", "sliding", "inserted", "hitting"), strict=True)
+)
 FORCES = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # N, edges of the histogram of contact forces
 BEFORE = 5  # samples before an impact, of which the fastest has its speed: force is noticed late
 STEADY = 10  # samples that the range of sustained forces must exceed
