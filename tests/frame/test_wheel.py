@@ -84,5 +84,5 @@ def test_wheel_brings_its_dependencies(wheel, tmp_path):
     install = [python, "-m", "pip", "install", "-q", "-c", ROOT / "constraints.txt", wheel]
     subprocess.run(list(map(str, install)), check=True, **options)
     assert "Ready." in call(tmp_path / "env" / "bin" / "vispeg", "doctor", **options)
-    for name in call(python, "-c", "from vispeg.cli.main import available; print(*available())", **options).split():
+    for name in call(python, "-c", "from vispeg.cli.overview import installed; print(*installed())", **options).split():
         call(python, "-m", "vispeg", name, "--help", **options)

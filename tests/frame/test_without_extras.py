@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from vispeg.cli.main import available
+from vispeg.cli.overview import installed
 from vispeg.core.extras import EXTRAS
 
 ROOT = Path(__file__).parents[2]
@@ -116,11 +116,11 @@ def test_every_extra_is_asked_for():
 
 def test_every_command_is_run_or_shown():
     known = {command[0] for text in (WORKS, LONGER, *NEEDS.values()) for command in lines(text)}
-    assert set(available()) - known == {"demo"}  # which takes minutes; `scripts/demo` runs it in such an environment
+    assert set(installed()) - known == {"demo"}  # which takes minutes; `scripts/demo` runs it in such an environment
 
 
 def test_help_needs_none(tmp_path):
-    assert_all_work("\n".join(f"{name} --help" for name in available()), tmp_path)
+    assert_all_work("\n".join(f"{name} --help" for name in installed()), tmp_path)
 
 
 def test_commands_that_need_none_work(tmp_path):
