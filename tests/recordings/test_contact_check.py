@@ -86,6 +86,13 @@ def test_mass_takes_a_tilt_in_free_air_and_the_zero_a_second_of_it():
     assert "free air" in short.excited["wrench_bias"] and short.begins_free == 0.0
 
 
+def test_the_speed_of_a_hit_is_of_its_own_episode():
+    """Whatever the numbers of the episodes: here the second one has the lower number."""
+    both = made((FREE, 1.0, 0.0, (0.0, 0.0, -0.5)), (FREE, 0.03, 0.0, (0.0, 0.0, -0.01)), (IMPACT, 0.1, 9.0, (0, 0, 0)))
+    assert examine(both).hits == (0.5,)
+    assert examine(replace(both, episode=np.where(np.arange(len(both.time)) < 200, 7, 3))).hits == (0.01,)
+
+
 def test_grip_is_told_from_hole_by_two_insertions_with_the_flange_turned():
     inside = (INSIDE, 1.0, 6.0, (0.0, 0.0, 0.0))
     straight, turned = examine(made(inside)), examine(made(inside, yaw=1.5))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
@@ -41,11 +41,12 @@ def completion(call: Call, shell: Literal["bash", "zsh", "fish"]) -> None:
 def words() -> dict[str, Words]:
     """Return command (two words for a sub-command, as in `camera show`) -> option -> its values, as in `Words`."""
     table: dict[str, Words] = {"": {"": list(COMMANDS)}, "doctor": COMMON}
+    names = cache(_names)  # many options take a policy or a world, and to list these takes seconds
     for name, each in leaves().items():
         group, _, below = name.partition(" ")
         if below:
             table[group] = {"": [*(table.get(group, {}).get("") or ()), below]}
-        after = {key: _values(option.name or key, kind) for key, (_, option, kind) in each.taken().items()}
+        after = {key: _values(option.name or key, kind, names) for key, (_, option, kind) in each.taken().items()}
         flags = {each.word(key): values for key, values in after.items() if key not in each.positional}
         positional = dict.fromkeys(value for key in each.positional for value in after[key] or ())
         table[name] = {**COMMON, **flags, "": list(positional)}
@@ -60,16 +61,15 @@ def script(shell: Literal["bash", "zsh", "fish"]) -> str:
     return (ZSH if shell == "zsh" else "") + _bash(rows)
 
 
-def _values(name: str, kind: Any) -> Sequence[str] | None:
+def _values(name: str, kind: Any, names: Callable[[str], list[str]]) -> Sequence[str] | None:
     """Return the known values of an option; empty if it takes any number or text, None for a switch."""
     if name in NAMED:
-        return [*_names(NAMED[name]), FILES]
+        return [*names(NAMED[name]), FILES]
     if (few := choices(kind)) or (basic := plain(kind)) is not None:
         return few or ((FILES,) if basic is Path else ())
     return None
 
 
-@cache
 def _names(what: str) -> list[str]:
     from vispeg.api.library import catalogue
     from vispeg.core.effect import REGISTRY

@@ -230,9 +230,8 @@ class _Loop:
         self.goal = None if believed is None else np.asarray(believed, float)
         self.target = np.zeros(7)
         self.first: Reading | None = None
-        self.weighed: np.ndarray | None = (
-            None  # (6,) N, N m at the flange: the tool's weight in the last pose of taring
-        )
+        # (6,) N, N m at the flange: the tool's weight in the last pose of taring
+        self.weighed: np.ndarray | None = None
         self.why: str | None = None
 
     def run(self, beat: Callable[[], None]) -> str | None:

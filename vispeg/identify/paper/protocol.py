@@ -77,8 +77,11 @@ def cut(rec: Recording, pieces: int = PIECES, steps: int = STEPS) -> Pieces:
             "is too short", file=rec.path, expected=f"{parts * steps} control ticks or more", got=parts * ticks
         )
     out = [_piece(s, k * ticks, ticks, steps) for s in runs for k in range(parts)]
-    path = rec.ee[:, :3] if rec.ee is not None else flange_pose(robot, rec.q)[:, :3]
-    path = np.where(np.isnan(rec.q if rec.ee is None else path).any(axis=1, keepdims=True), np.nan, path)
+    if rec.ee is not None:
+        path = rec.ee[:, :3]
+    else:
+        read = np.isfinite(rec.q).all(axis=1, keepdims=True)
+        path = np.where(read, flange_pose(robot, rec.q)[:, :3], np.nan)
     measured = np.stack(
         [np.stack([np.interp(s.rows, np.arange(len(path)), column) for column in path.T], 1) for s in out]
     )

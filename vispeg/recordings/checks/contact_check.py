@@ -12,6 +12,7 @@ import numpy as np
 
 from vispeg.core.effect import REGISTRY, effect
 from vispeg.recordings.checks.extent import AIR, HARD, LONG, NEEDS, Extent, joined, lacking
+from vispeg.recordings.differentiate import episodes
 from vispeg.recordings.regimes import FREE, IMPACT, INSIDE, PRESS, REGIMES, SLIDE
 
 WORDS: Mapping[str, str] = dict(
@@ -90,7 +91,7 @@ def examine(t: Touched) -> ContactCheck:
     flat = t.velocity[sliding][:, :2]
     sectors = np.unique(np.floor(np.arctan2(flat[:, 1], flat[:, 0]) / (np.pi / 4) + 0.5).astype(int) % 8)
     first = (t.regime == IMPACT) & np.concatenate([[True], t.regime[:-1] != IMPACT])
-    begins = np.searchsorted(t.episode, t.episode)  # the first sample of each sample's episode
+    begins = np.concatenate([np.full(len(rows), rows[0]) for rows in episodes(t.time, t.episode)])
     hits = tuple(float(speed[max(begins[i], i - BEFORE) : i + 1].max()) for i in np.flatnonzero(first))
     free = min(_free_start(t, number) for number in np.unique(t.episode))
     extent = _extent(t, seconds, sectors, free, step)
