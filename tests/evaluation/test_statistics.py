@@ -29,6 +29,7 @@ from vispeg.evaluation.statistics import (
     noise,
     pairs_needed,
     rate,
+    rate_words,
     share,
     tango,
     tango_score,
@@ -174,6 +175,14 @@ def test_trials_of_several_networks_that_are_numbered_on_are_all_counted():
     on = rows(np.ones((2, 20)), lambda t, j: 20 * t + j)
     overlap = rows([[1] * 20, [0] * 20], lambda t, j: 19 * t + j)  # number 19 is of both
     assert rate(on).n == rate(overlap).n == 40 and rate(overlap).value == 0.5
+
+
+def test_a_rate_counts_all_episodes_of_networks_that_played_unequally_many():
+    first = {0: {s: float(s < 50) for s in range(100)}, 1: {s: 1.0 for s in range(50)}}
+    assert rate(first).value == 0.75 and rate(first).n == 150, "the first 50, which both have, all succeed"
+    trials = {0: {s: 1.0 for s in range(10)}, 1: {s: 0.0 for s in range(2)}}
+    assert rate(trials).value == 0.5
+    assert rate_words(rate(trials), 10).startswith("10 of 12: ")
 
 
 def test_one_network_keeps_wilson_and_tango():

@@ -238,7 +238,7 @@ def _success(table: Table, policy: str, world: str, control: str) -> list[Succes
             "world": world,
             "control": control,
             "success": estimate.to_json(),
-            "words": statistics.rate_words(estimate),
+            "words": statistics.rate_words(estimate, sum(e.success for e in episodes)),
             "needed": statistics.episodes_needed(estimate) if one else None,
             "categories": dict(Counter(e.category for e in episodes)),
             "time": _mean(e.time for e in episodes if e.success),

@@ -119,7 +119,7 @@ def wilson(successes: int, n: int, alpha: float = ALPHA) -> Estimate:
 
 
 def rate(rows: Rows) -> Estimate:
-    """Return the success rate of all episodes, the mean of the networks' rates, with its interval.
+    """Return the success rate, the mean of the networks' rates over all of their episodes, with its interval.
 
     With several networks the interval has Wilson's form with p (1 - p) / V effective episodes and the t quantile. If
     all episodes succeed or all fail, each episode counts once, however many networks played it.
@@ -133,7 +133,7 @@ def rate(rows: Rows) -> Estimate:
     n, most = sum(map(len, sides)), max(map(len, sides))
     if len(sides) == 1:
         return wilson(round(float(sides[0].sum())), n)
-    side = _side(rows, _shared(rows))
+    side = _side(rows, _shared(rows) if min(map(len, sides)) == most else [])
     moments = _moments([side], paired=True)
     p = moments.value
     if p in (0.0, 1.0):
@@ -146,9 +146,9 @@ def rate(rows: Rows) -> Estimate:
     return Estimate(p, max(0.0, middle - half), min(1.0, middle + half), n)
 
 
-def rate_words(rate: Estimate) -> str:
-    """Return a success rate and its interval in words: `4 of 4: 51 to 100 %`."""
-    return f"{round(rate.value * rate.n)} of {rate.n}: {100 * rate.low:.0f} to {100 * rate.high:.0f} %"
+def rate_words(rate: Estimate, successes: int) -> str:
+    """Return successes, and the interval of the rate, in words: `4 of 4: 51 to 100 %`."""
+    return f"{successes} of {rate.n}: {100 * rate.low:.0f} to {100 * rate.high:.0f} %"
 
 
 def episodes_needed(rate: Estimate) -> int | None:
