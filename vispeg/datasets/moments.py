@@ -12,7 +12,7 @@ from vispeg.datasets.formats.models import Mesh
 from vispeg.render.cameras.camera import Camera
 
 POINTS = 4000  # sampled points of a surface, about 2 mm apart on a part of 0.1 m; distances are along the normal
-PIXELS = 400  # pixels drawn at random from a picture; their median is known to a twentieth of their scatter
+PIXELS = 400  # points near a part, drawn at random from a picture; their median is known to a twentieth of the scatter
 FEWEST = 20  # fewest points near a part's surface from which a distance is taken
 NEAR = 0.02  # m; a point farther from the surface belongs to something else
 LEAST = 1e-3  # m; a late picture's error exceeds this, by which errors of usual depth sensors do not change
@@ -65,16 +65,18 @@ def late(seen: Seen) -> tuple[np.ndarray, float, float]:
 
     surface, normals = sampled(seen.mesh)
     tree, rays, depth = cKDTree(surface), seen.camera.rays().reshape(-1, 3), seen.depth
+    low, high = surface.min(axis=0) - NEAR, surface.max(axis=0) + NEAR
     rng = stream(0, "moments")
 
     def distance(t: int, label: int) -> float:
         """Return the median signed distance, m, of picture t's points from the part as labelled in picture `label`."""
         read = np.isfinite(depth[t]) & (depth[t] > 0)
         rows = np.flatnonzero(read if seen.mask is None else read & seen.mask[label])
-        if len(rows) > PIXELS:
-            rows = rng.choice(rows, PIXELS, replace=False)
         points = rays[rows] * depth[t].reshape(-1)[rows, None].astype(float)
         points = (points - seen.at[label, :3, 3]) @ seen.at[label, :3, :3]  # from camera axes into the mesh's frame
+        points = points[np.all((points > low) & (points < high), axis=1)]
+        if len(points) > PIXELS:
+            points = rng.choice(points, PIXELS, replace=False)
         away, nearest = tree.query(points, distance_upper_bound=NEAR)
         close = np.isfinite(away)
         if close.sum() < FEWEST:
