@@ -14,10 +14,12 @@ from vispeg.core.effect import EffectInstance
 from vispeg.identify.fit import fit_job
 from vispeg.identify.motions.look_motion import look_motion
 from vispeg.identify.pictures.build import border_evidence
-from vispeg.identify.pictures.coarse import REACHES, WAYS, Outline, _fields, _way
+from vispeg.identify.pictures.coarse import REACHES, WAYS, Outline, _fields, _way, brought_near
 from vispeg.identify.pictures.sight import Sight
 from vispeg.identify.pool import run_together
+from vispeg.task.start import home
 from vispeg.vision.photograph import photograph
+from vispeg.vision.predict import Predictor
 from vispeg.worlds.world import World
 
 
@@ -42,6 +44,18 @@ def test_points_outside_the_picture_are_as_far_as_can_be():
     outline = Outline(sight, points_at(geometry, at, np.tile([1.0, 0.0], (3, 1))), fields)
     assert outline.distances(geometry, World(), 40.0) == pytest.approx([10.5, 40.0, 39.0], abs=2e-3)
     assert outline.distances(geometry, World(), 5.0) == pytest.approx([5.0, 5.0, 5.0])
+
+
+def test_a_camera_that_sees_no_border_stays_where_it_is():
+    scene = scene_of(CELL)
+    (wrist,) = cameras_of([WRIST], scene, (40, 30))
+    up = replace(wrist, parent="base", pos=(0.0, 0.0, 5.0), quat=(1.0, 0.0, 0.0, 0.0))  # looks at the sky
+    sky = np.random.default_rng(0).integers(0, 255, (30, 40, 3), np.uint8)
+    times, posture = np.linspace(0.0, 1.0, 3), home(scene)
+    sight = Sight("sky", up, times, lambda t, _: np.tile(posture, (len(t), 1)), lambda i: sky, lambda i: None)
+    world = World().add(EffectInstance.of("camera_offset", WRIST), EffectInstance.of("camera_delay", WRIST))
+    with Predictor(scene, [up]) as predictor:
+        assert brought_near(predictor, [sight], world) == [world, world]
 
 
 @pytest.mark.slow

@@ -80,16 +80,22 @@ def brought_near(predictor: Predictor, sights: Sequence[Sight], world: World) ->
 
 
 def _near(predictor: Predictor, sight: Sight, world: World, trials: Sequence[World]) -> World:
-    """Return the best trial after refinement; `world` if the frames have neither depth nor colour."""
+    """Return the best trial after refinement.
+
+    It is `world` if the frames have neither depth nor colour, or the camera is predicted to see no border.
+    """
     fields = _all_fields(sight)
-    if fields is None:
+    if fields is None or not len((outline := _outline(predictor, sight, world, fields)).points.frame):
         return world
-    outline = _outline(predictor, sight, world, fields)
     for reach, count in zip(REACHES, REFINED, strict=True):
         score = [float(outline.distances(predictor.geometry, w, reach).mean()) for w in trials]
         best = [trials[i] for i in np.argsort(score)[:count]]
         outlines = [_outline(predictor, sight, w, fields) for w in best]
-        refined = [_refined(predictor.geometry, o, w, reach) for o, w in zip(outlines, best, strict=True)]
+        refined = [
+            _refined(predictor.geometry, o, w, reach) for o, w in zip(outlines, best, strict=True) if len(o.points.frame)
+        ]
+        if not refined:
+            return world
         trials = [w for w, _ in sorted(refined, key=lambda r: r[1])]
         outline = _outline(predictor, sight, trials[0], fields)
     return trials[0]
