@@ -239,6 +239,19 @@ def test_a_robot_that_says_nothing_new_is_stopped(robot, fault):
     assert trial.said.outcome.why == why[fault]
 
 
+def test_a_robot_whose_clock_jumps_is_stopped(robot):
+    class Set(Lockstep):  # its time is set while it moves, as by a time server
+        def read(self, cameras=()):
+            reading = super().read(cameras)
+            return replace(reading, time=reading.time + (100.0 if self.robot.time > 0.5 else 0.0))
+
+    jumping = Set.__new__(Set)
+    jumping.__dict__.update(robot.__dict__)
+    trial = ran(jumping)
+    assert trial.said.outcome.category == "watchdog" and "jumped forward by 100 s" in trial.said.outcome.why
+    assert trial.recording.time[-1] < 0.8 and trial.said.outcome.time_s < 0.8
+
+
 class Stuck:
     """A driver whose `read` never returns, as one does that waits for a message."""
 

@@ -256,7 +256,11 @@ class _Loop:
             elif reading.time > newest and self.tape.felt:
                 self.builder.feel(wrench)
             if reading.time > newest:
-                newest, fresh = reading.time, self.clock.now()
+                passed, fresh = self.clock.now() - fresh, self.clock.now()
+                if np.isfinite(newest) and reading.time - newest > passed + self.how.silence:
+                    self.why = f"the robot's clock jumped forward by {reading.time - newest:.3g} s"
+                    return WATCHDOG
+                newest = reading.time
             else:
                 self.stale += 1
                 if self.clock.now() - fresh > self.how.silence:
