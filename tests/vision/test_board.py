@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from border_points import seen
 from scipy.spatial.transform import Rotation
 
 from vispeg.core.errors import UserError
-from vispeg.diagnosis.pictures.flatness import heights_of_views, judge_heights
+from vispeg.diagnosis.pictures.flatness import heights_left, heights_of_views, judge_heights
 from vispeg.recordings.cell import CellBelief
 from vispeg.render.calibration.board import Board
 from vispeg.render.calibration.detect import View
@@ -18,6 +19,7 @@ from vispeg.render.cameras.camera import Camera
 from vispeg.vision.board import Look, board_of, laid, view_of_board
 from vispeg.vision.board_picture import with_board
 from vispeg.vision.eye import Eye
+from vispeg.worlds.world import World
 
 STATED = {"kind": "chessboard", "columns": 5, "rows": 4, "square": 0.02}
 BOARD = Board(**STATED)
@@ -88,6 +90,23 @@ def test_heights_of_a_bent_board_are_found_whatever_the_arm_makes_of_each_view(b
         stacked.append(heights_of_views(EYE, BOARD, looks))
     left = judge_heights(*stacked[0], *stacked[1])
     assert (left.share > 0.5 and left.size > 0.2) if bend else (left.share < 0.1 and left.size < 0.1)
+
+
+def test_heights_are_those_of_one_board_in_fitted_and_held_out_views():
+    geometry, sight = seen((320, 240))
+    eye = geometry.eyes[sight.camera.name]
+
+    def of(board):
+        points = board.points - board.points.mean(axis=0) + [0.0, 0.0, 0.3]  # upright before the camera
+        view = View("", (320, 240), np.arange(len(points)), eye.project(points))
+        return replace(sight, board=board, corners=lambda i: view)
+
+    bigger = replace(BOARD, columns=7, rows=6)
+    (left,) = heights_left(geometry, [of(BOARD)], [of(BOARD)], World())
+    assert left.share < 0.1
+    assert not heights_left(geometry, [of(BOARD)], [of(bigger)], World())
+    assert not heights_left(geometry, [of(BOARD)], [of(BOARD), of(replace(BOARD, square=0.015))], World())
+    assert not heights_left(geometry, [of(BOARD)], [sight], World())
 
 
 def test_a_cell_states_its_board_and_a_board_that_cannot_be_is_named():

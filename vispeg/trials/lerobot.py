@@ -257,7 +257,7 @@ class LeRobotRobot:
             raise UserError(what, key=f"{PREFIX}{self.type}", got=self._motors.unknown[0])
         self._eyes = self._cameras(interface, cameras)
         self._interface, self._slope = interface, Slope(self.wiring.velocity_window_s)
-        self._tick(0.0, None)
+        self._tick(time.monotonic(), None)
         self._thread = threading.Thread(target=self._go, daemon=True)
         self._thread.start()
 

@@ -32,10 +32,10 @@ Heights = tuple[np.ndarray, np.ndarray]  # misplacements (n,) px, and slopes (n,
 def heights_left(geometry: Geometry, fitted: Sequence[Sight], judged: Sequence[Sight], world: World) -> list[Left]:
     """Return what corner heights fitted to some sights explain in others.
 
-    Empty without a board in both, and if one of them has boards with different numbers of corners.
+    Empty without a board in both, and if not all boards are the same.
     """
     first, second = (_stacked(geometry, some, world) for some in (fitted, judged))
-    if first is None or second is None:
+    if first is None or second is None or len({s.board for s in (*fitted, *judged)} - {None}) > 1:
         return []
     return [judge_heights(*first, *second)]
 
@@ -61,13 +61,13 @@ def judge_heights(away: np.ndarray, slopes: np.ndarray, held_away: np.ndarray, h
 
 
 def _stacked(geometry: Geometry, sights: Sequence[Sight], world: World) -> Heights | None:
-    """Return the heights of all sights' views; None without any, or if boards differ in the number of corners."""
+    """Return misplacements and slopes of all sights' views, see `judge_heights`; None without any."""
     parts = []
     for sight in sights:
         looks = list(looks_of(geometry, sight, world).values())
         if sight.board is not None and (some := heights_of_views(geometry.eyes[sight.camera.name], sight.board, looks)):
             parts.append(some)
-    return _concatenated(parts) if len({slopes.shape[1] for _, slopes in parts}) == 1 else None
+    return _concatenated(parts) if parts else None
 
 
 def heights_of_views(eye: Eye, board: Board, looks: Sequence[Look]) -> Heights | None:

@@ -150,7 +150,8 @@ class Sensed:
     def as_dict(self) -> dict:
         """Return the record's entry: each figure's deviation in units of its `ordinary`, before and after."""
         before, after = (self.judged.off(w) for w in (self.before, self.state.world))
-        figures = [{"figure": k, "before": round(v, 2), "after": round(after[k], 2)} for k, v in before.items()]
+        both = [k for k in before if k in after]  # a world may leave too few frames with a figure
+        figures = [{"figure": k, "before": round(before[k], 2), "after": round(after[k], 2)} for k in both]
         return {"kind": self.kind, "figures": figures, "ladder": self.ladder()[0] if self.added else []}
 
 
