@@ -127,6 +127,15 @@ def test_bad_arguments(here, argv, said, capsys):
     assert (here / "slides.yaml").read_text() == "mine"
 
 
+def test_a_normal_force_of_0_is_refused_in_one_line(here, capsys):
+    (here / "forces.csv").write_text("normal,tangential\n10,3\n0,3\n")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert main(["measure", "friction", "forces.csv", "--resolution", "normal=0.1", "--out", "f.yaml"]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "row 3" in said and "no coefficient of friction above 0" in said
+
+
 @pytest.mark.parametrize(
     ("argv", "said"),
     [

@@ -68,6 +68,12 @@ def test_units_in_names(name, quantity, unit):
     assert (found.quantity, found.unit) == (quantity, unit)
 
 
+@pytest.mark.parametrize(("name", "commanded"), [("AIPos_A1", False), ("ASPos.A1", True)])
+def test_words_of_kuka_state_whether_angles_are_measured(name, commanded):
+    found = meaning(name, {})
+    assert (found.quantity, found.commanded) == ("q", commanded)
+
+
 def test_a_column_called_seconds_is_the_time(tmp_path):
     columns = {"Seconds": TIME, **numbered("q_{}", Q)}
     assert convert(write_table(tmp_path / "log.csv", columns), "iiwa14", tmp_path / "rig", guess=True, yes=True) == 0

@@ -59,7 +59,8 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     if "angle" in FORMS[form]:
         _check_angles(readings)
     columns, (function, name) = FORMS[form], FUNCTIONS[form]
-    values = function(*(readings[column] for column in columns))
+    with np.errstate(divide="ignore", invalid="ignore"):  # of a force or time of 0, which is refused below
+        values = function(*(readings[column] for column in columns))
     bad = np.flatnonzero(~(np.isfinite(values) & (values > 0)))
     if len(bad):
         raise UserError("gives no coefficient of friction above 0", file=readings.file, key=readings.row(bad[0]))

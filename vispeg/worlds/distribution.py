@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -93,7 +93,7 @@ def parse(raw: Any, file: str | None = None, key: str | None = None) -> float | 
     Raises:
         UserError: any other value, or an inverted range; it names file and key.
     """
-    if isinstance(raw, (int, float)) and not isinstance(raw, bool) and math.isfinite(raw):
+    if _finite(raw):
         return float(raw)
     refused = partial(UserError, file=file, key=key)
     if not isinstance(raw, Mapping) or len(raw) != 1:
@@ -102,10 +102,7 @@ def parse(raw: Any, file: str | None = None, key: str | None = None) -> float | 
     if kind not in KINDS:
         raise refused("unknown distribution", got=kind, choices=KINDS)
     numbers: list[Any] = list(values) if isinstance(values, (list, tuple)) else [None]
-    ok = len(numbers) > 0 and all(
-        isinstance(x, (int, float)) and not isinstance(x, bool) and math.isfinite(x) for x in numbers
-    )
-    if not ok or (kind != "choice" and len(numbers) != 2):
+    if not numbers or not all(map(_finite, numbers)) or (kind != "choice" and len(numbers) != 2):
         expected = "numbers" if kind == "choice" else "two numbers"
         raise refused(f"{kind} takes {expected}", got=values)
     try:
@@ -128,6 +125,11 @@ def written(value: float | Distribution) -> Any:
     if isinstance(value, Choice):
         return {"choice": list(value.values)}
     return float(value)
+
+
+def _finite(raw: Any) -> bool:
+    """Return whether a file's value is a number that a float can hold; an integer may have any number of digits."""
+    return isinstance(raw, (int, float)) and not isinstance(raw, bool) and abs(raw) <= sys.float_info.max
 
 
 def _ordered(low: float, high: float) -> None:

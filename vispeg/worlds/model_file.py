@@ -133,11 +133,13 @@ def read_placed(entry: Any, file: Path, key: str) -> EffectInstance:
         at = f"{key}.params.{parameter}"
         params[parameter] = _value(value, kind.param(parameter, file=file, key=at), file, at)
     origin = entry.get("origin") or {}
+    if not isinstance(origin, Mapping):
+        raise UserError("wrong origin", file=file, key=f"{key}.origin", expected="a mapping", got=origin)
     marks = {mark: entry.get(mark, False) for mark in MARKS}
     for mark, value in marks.items():
         if not isinstance(value, bool):
             raise UserError("wrong mark", file=file, key=f"{key}.{mark}", expected="true or false", got=value)
-    return EffectInstance(kind.name, where, params, dict(origin) if isinstance(origin, Mapping) else {}, **marks)
+    return EffectInstance(kind.name, where, params, dict(origin), **marks)
 
 
 def _value(value: Any, param: Param, file: Path, key: str) -> Value:

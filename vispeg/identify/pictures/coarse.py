@@ -91,11 +91,10 @@ def _near(predictor: Predictor, sight: Sight, world: World, trials: Sequence[Wor
         score = [float(outline.distances(predictor.geometry, w, reach).mean()) for w in trials]
         best = [trials[i] for i in np.argsort(score)[:count]]
         outlines = [_outline(predictor, sight, w, fields) for w in best]
-        refined = [
-            _refined(predictor.geometry, o, w, reach) for o, w in zip(outlines, best, strict=True) if len(o.points.frame)
-        ]
-        if not refined:
+        pairs = [(o, w) for o, w in zip(outlines, best, strict=True) if len(o.points.frame)]
+        if not pairs:
             return world
+        refined = [_refined(predictor.geometry, o, w, reach) for o, w in pairs]
         trials = [w for w, _ in sorted(refined, key=lambda r: r[1])]
         outline = _outline(predictor, sight, trials[0], fields)
     return trials[0]

@@ -112,7 +112,7 @@ def meaning(name: str, labels: dict[str, str]) -> Meaning:
         desired = word == "d" and quantity in ("q", "dq", "tau")  # Franka: q_d, tau_J_d
         if word in COMMANDED or desired or (word in WHOLE and WHOLE[word][1]):
             commanded, taken = True, taken | {i}
-        elif commanded is None and word in MEASURED:
+        elif commanded is None and word in {*MEASURED, *WHOLE}:
             commanded, taken = False, taken | {i}
     if commanded is None and not quantity and unit in OF_UNIT and not set(words) & NO_JOINT:
         quantity, said = OF_UNIT[unit], f"[{unit}]"  # `M1 [Nm]`
