@@ -71,7 +71,7 @@ AGE = Term(
     "elapsed share of the episode's time",
 )
 FRICTION = Term(
-    "friction", drawn("contact_friction", "scale"), 1, "1", 1.0, "teacher", "drawn scale, 0 if none is drawn"
+    "friction", drawn("contact_friction", "scale"), 1, "1", 1.0, "teacher", "drawn scale; 0 in a world without it"
 )
 MASS = Term(
     "mass",
@@ -80,8 +80,14 @@ MASS = Term(
     "1",
     1.0,
     "teacher",
-    "drawn scale of the held part's mass, 0 if none is drawn",
+    "drawn scale of the held part's mass; 0 in a world without it",
 )
 LATENCY = Term(
-    "latency", drawn("command_delay", "delay"), 1, "s", 0.02, "teacher", "drawn delay of commands, 0 if none is drawn"
+    "latency",
+    drawn("command_delay", "delay"),
+    1,
+    "s",
+    0.02,
+    "teacher",
+    "drawn delay of commands; 0 in a world without it",
 )
