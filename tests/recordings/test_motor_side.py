@@ -73,6 +73,17 @@ def test_a_reading_that_is_missing_counts_for_its_own_joints_alone(tmp_path, arm
     assert np.isnan(rec.tau[200]).tolist() == [False, False, True, True]
 
 
+def test_a_command_on_the_other_side_of_a_motors_wrap_is_near_the_angle(tmp_path, arm):
+    """Both begin within a turn; the command is 0.016 rad of the motor behind."""
+    q, dq, tau = motors(matrix({"lift_joint": 0.125}))
+    q[:, 1] += 0.01 - q[0, 1]
+    behind = (q - 0.016) % (2 * np.pi)
+    q[:, 1] %= 2 * np.pi
+    assert behind[0, 1] - q[0, 1] > 6
+    rec = converted(tmp_path, arm, {"q": q, "q_cmd": behind, "dq": dq}, {"motors": {"lift_joint": 0.125}})
+    np.testing.assert_allclose(rec.q[:, 1] - rec.q_cmd[:, 1], 0.002, atol=1e-9)
+
+
 def test_a_motors_angle_wraps_at_its_own_turn(tmp_path, arm):
     q, dq, tau = motors(matrix({"lift_joint": 0.125}))
     q[:, 1] = (q[:, 1] + np.pi) % (2 * np.pi) - np.pi

@@ -12,7 +12,7 @@ from vispeg.core.errors import UserError
 from vispeg.recordings.columns import columns_of
 from vispeg.recordings.importers.clock import cleaned
 from vispeg.recordings.importers.mapping import ColumnMap, Source
-from vispeg.recordings.importers.turns import straightened
+from vispeg.recordings.importers.turns import beside, straightened
 from vispeg.recordings.load import assemble
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.schema import FORMAT, header_from
@@ -87,8 +87,8 @@ def joint_side(
     """Return the columns (n,), those of motor readings converted to joints; unchanged if the map states no motors.
 
     With q = A m of joint angles q and motor angles m, speeds are dq = A dm, and torques tau = A^-T tau_m. Loads convert
-    as torques if they have a sign, and are kept if not. Jumps of angles by whole turns are removed first, as they occur
-    at the motors.
+    as torques if they have a sign, and are kept if not. Jumps of angles by whole turns are removed first, and commands
+    are shifted by whole turns to the measured angles, as both occur at the motors.
 
     Raises:
         UserError: a motor has no column for a signal that a joint's depends on, the map names a joint that is not
@@ -99,6 +99,7 @@ def joint_side(
         return out
     turn = matrix(joints, mapping, source)
     back = np.linalg.inv(turn).T
+    measured: dict[int, np.ndarray] = {}  # angles of motors without jumps
     for signal in ("q", "q_cmd", "dq", "dq_cmd", "tau", "tau_cmd", "load"):
         names = columns_of(signal, joints)
         there = [j for j, name in enumerate(names) if name in columns]
@@ -110,8 +111,12 @@ def joint_side(
             message = "a joint depends on a motor whose column is missing"
             raise UserError(message, file=mapping.file or source, key="motors", got=lacking[0])
         values = np.stack([columns[names[j]] for j in there], axis=1).astype(float)
-        if signal in ("q", "q_cmd"):
+        if signal == "q":
             values, _ = straightened(values, np.tile([-np.inf, np.inf], (len(there), 1)), columns.get("episode"))
+            measured = dict(zip(there, values.T, strict=True))
+        elif signal == "q_cmd":
+            q = np.stack([measured.get(j, np.full(len(values), np.nan)) for j in there], axis=1)
+            values = beside(values, q, columns.get("episode"))
         out |= dict(zip([names[j] for j in there], combined(values, weights[np.ix_(there, there)]).T, strict=True))
     return out
 

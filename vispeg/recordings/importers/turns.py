@@ -39,15 +39,26 @@ def straightened(q: np.ndarray, limits: np.ndarray, episode: np.ndarray | None =
     return out, np.any(np.nan_to_num(out - q), axis=0)
 
 
+def beside(goal: np.ndarray, q: np.ndarray, episode: np.ndarray | None = None) -> np.ndarray:
+    """Unwrap commanded angles (n, nj) rad, and shift each by the whole turns per episode that bring it nearest to `q`.
+
+    Args:
+        goal: (n, nj) commanded angles, rad, NaN where missing.
+        q: (n, nj) measured angles without wraps, rad; without any in an episode, its angles are not shifted.
+        episode: (n,) episode number of each row; None for a single episode.
+    """
+    straight, _ = straightened(goal, np.tile([-np.inf, np.inf], (goal.shape[1], 1)), episode)
+    away = np.ma.masked_invalid((straight - q) / TURN)
+    of_episode = _by_episode(away, episode, lambda some: np.ma.filled(np.ma.median(some, axis=0), 0.0))
+    return straight - TURN * np.round(np.ma.getdata(of_episode))
+
+
 def turned(rec: Recording, limits: Limits, source: Path) -> Recording:
     """Unwrap a recording's measured and commanded angles, with one note; unchanged if none of them wraps."""
     q, changed = straightened(rec.q, limits.range, rec.episode)
     q_cmd = rec.q_cmd
     if q_cmd is not None:
-        straight, _ = straightened(q_cmd, np.full_like(limits.range, np.inf) * [-1, 1], rec.episode)
-        away = np.ma.masked_invalid((straight - q) / TURN)
-        of_episode = _by_episode(away, rec.episode, lambda some: np.ma.filled(np.ma.median(some, axis=0), 0.0))
-        goal = straight - TURN * np.round(of_episode)
+        goal = beside(q_cmd, q, rec.episode)
         moved = np.any(np.nan_to_num(goal - q_cmd), axis=0)
         q_cmd, changed = (goal if moved.any() else q_cmd), changed | moved
     if not changed.any():
