@@ -1,6 +1,7 @@
 """Cameras: projection against OpenCV's, lenses that can be undone, files that come back, and what no camera can be."""
 
 import cv2
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,6 +12,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.lens import distort, undistort
 from vispeg.core.rotation import quaternion
 from vispeg.core.seeds import stream
+from vispeg.render.cameras import model_camera
 from vispeg.render.cameras.camera import Camera, looking_at, rotation
 from vispeg.render.cameras.camera_files import load_camera, load_cameras, save_cameras
 from vispeg.render.cameras.standard import CROP_SCALE, WIDE_FOV, standard_cameras
@@ -186,3 +188,16 @@ def test_a_missing_or_binary_file(tmp_path):
     (tmp_path / "raw.yaml").write_bytes(b"\xff\xfe\x00\x80")
     with pytest.raises(UserError, match="UTF-16 text; expected UTF-8"):
         load_cameras(tmp_path / "raw.yaml")
+
+
+def test_a_complete_camera_lies_where_one_in_the_compiled_model_does_on_a_site_turned_by_angles():
+    body = '<body><geom size=".1"/><site name="flange" pos=".1 .2 .3" euler="20 -40 70"/></body>'
+    spec = mujoco.MjSpec.from_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    plain = spec.copy()
+    model_camera.add(plain, (CAMERA,))
+    ours = plain.compile()
+    model_camera.write(ours, 0, CAMERA)
+    model_camera.add_complete(spec, (CAMERA,))
+    theirs = spec.compile()
+    np.testing.assert_allclose(theirs.cam_pos, ours.cam_pos, atol=1e-12)
+    np.testing.assert_allclose(theirs.cam_quat, ours.cam_quat, atol=1e-12)

@@ -276,6 +276,24 @@ def test_joints_that_a_log_lacks_are_held_at_rest_and_their_mass_stays(tmp_path)
         assert load_for(joints, path) is load(path)
 
 
+UNNAMED = """<mujoco><worldbody><body pos="5 0 0"><geom size=".1"/></body>
+  <body pos="0 0 1"><joint axis="0 1 0"/><geom size=".1"/>
+  <body name="link1" pos="0 0 -.4"><joint name="joint1" axis="0 1 0"/><geom size=".1"/>
+  <body pos="0 0 -.4"><site name="attachment_site"/></body></body></body></worldbody></mujoco>"""
+
+
+def test_bodies_and_joints_without_a_name_get_one_and_the_flange_lies_where_the_file_has_it(tmp_path):
+    """The names that the file gives stay with the elements that it gives them to."""
+    arm = load(write(tmp_path, UNNAMED, "unnamed.xml"))
+    model = arm.compile()
+    assert len({model.body(b).name for b in range(model.nbody)} - {""}) == model.nbody
+    assert arm.joints[1] == "joint1" and arm.links[1] == "link1" and "" not in arm.joints
+    data = mujoco.MjData(model)
+    data.qpos[:] = 0.3, -0.8
+    mujoco.mj_kinematics(model, data)
+    np.testing.assert_array_equal(data.site("flange").xpos, data.site("attachment_site").xpos)
+
+
 def test_an_edited_file_is_read_again(tmp_path):
     path = write(tmp_path, URDF, "two.urdf")
     first = load(path)

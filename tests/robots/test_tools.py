@@ -122,3 +122,32 @@ def test_tool_mapping_is_not_changed_and_equal_tools_share_a_robot():
     tool = {**TOOL, "com_m": list(TOOL["com_m"])}
     assert load("iiwa14", tool) is load("iiwa14", TOOL)
     assert tool == TOOL
+
+
+TURNED = """<mujoco><worldbody><body name="a"><joint name="j" axis="0 1 0"/><geom size=".1"/>
+  <body name="b" pos="0 0 -.5"><joint name="k" axis="1 0 0"/><geom size=".1"/>{}</body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    "site",
+    [
+        '<site name="flange" pos="0 0 -.4" euler="0 90 0"/>',
+        '<site name="flange" pos="0 0 -.4" axisangle="0 1 0 90"/>',
+        '<site name="flange" pos="0 0 -.4" xyaxes="0 0 -1 0 1 0"/>',
+        '<site name="flange" pos="0 0 -.4" zaxis="1 0 0"/>',
+        '<frame pos="0 0 -.4" euler="0 90 0"><site name="flange"/></frame>',
+    ],
+)
+def test_a_tool_turns_with_the_flange_however_its_file_states_the_turn(tmp_path, site):
+    """A centre of mass 0.1 m along the flange's z axis, which is the link's x axis."""
+    (tmp_path / "arm.xml").write_text(TURNED.format(site))
+    tool = {"mass_kg": 1.0, "com_m": [0.0, 0.0, 0.1], "inertia_kgm2": [0.001, 0.002, 0.003]}
+    found = []
+    for held in (tool, None):
+        model = load(tmp_path / "arm.xml", held).compile()
+        data = mujoco.MjData(model)
+        data.qpos[:] = 0.5, 0.0
+        mujoco.mj_forward(model, data)
+        found.append(data.qfrc_bias.copy())
+    x = 0.1 * np.cos(0.5) - 0.9 * np.sin(0.5)  # m, of the tool's centre of mass from the first joint
+    np.testing.assert_allclose(found[0] - found[1], [-9.81 * x, 0.0], atol=1e-9)

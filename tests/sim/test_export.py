@@ -255,6 +255,13 @@ def test_springs_and_inertias_are_those_of_the_plant_in_a_file_of_degrees_and_an
     assert np.allclose(*full, rtol=1e-4, atol=1e-6), "kg m^2"
 
 
+def test_an_arm_with_bodies_without_a_name_is_exported_with_its_load(tmp_path):
+    (tmp_path / "own.xml").write_text(OWN.replace(' name="a"', "").replace("<geom", "<body/><geom", 1))
+    world = World(str(tmp_path / "own.xml")).add(EffectInstance.of("payload", "flange", mass=2.0))
+    model, _ = compiled_with(world)
+    assert model.body_mass.sum() == pytest.approx(6.0)
+
+
 SPRUNG = """
 <mujoco><compiler angle="radian"/><worldbody><body name="base">
   <body name="a"><joint name="free" axis="0 1 0"/><geom size=".1" mass="2"/>

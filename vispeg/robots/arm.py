@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -72,12 +74,11 @@ def prepare(
     """
     _remove_bodies(spec, declared.without, label)
     _hinges_only(spec, label)
-    for i, joint in enumerate(spec.joints, start=1):
-        joint.name = joint.name or f"joint{i}"
+    _name(spec.joints, "joint", spec.joints)
     if moved is not None:
         _fix(spec, [joint for joint in spec.joints if joint.name not in moved])
-    for i, joint in enumerate(spec.joints, start=1):
-        joint.parent.name = joint.parent.name or f"link{i}"
+    _name([joint.parent for joint in spec.joints], "link", spec.bodies)
+    _name(spec.bodies[1:], "body", spec.bodies)
     for pair in list(spec.pairs):
         spec.delete(pair)
     for geom in spec.geoms:
@@ -104,6 +105,14 @@ def prepare(
         torque=_frozen(np.array(declared.torque_limit or [limits.get(j, FREE)[0] for j in joints], float)),
         speed=_frozen(np.array(declared.velocity_limit or [limits.get(j, FREE)[1] for j in joints], float)),
     )
+
+
+def _name(elements: Sequence[Any], word: str, group: Sequence[Any]) -> None:
+    """Name each element without a name by `word` and the first number, from its own on, that is free in its group."""
+    taken = {element.name for element in group}
+    for i, element in enumerate(elements, start=1):
+        element.name = element.name or next(name for k in count(i) if (name := f"{word}{k}") not in taken)
+        taken.add(element.name)
 
 
 def compiled(spec: mujoco.MjSpec, label: str) -> mujoco.MjModel:

@@ -31,8 +31,6 @@ def bench(robot: RobotModel) -> Scene:
     spec.visual.quality.offsamples = 0  # no multisampling: a pixel then shows one geom, as a ray does
     for i, light in enumerate(spec.lights):
         light.name = light.name or f"light{i}"
-    for i, body in enumerate(spec.bodies):
-        body.name = body.name or f"body{i}"
     for i, geom in enumerate(spec.worldbody.geoms):
         geom.name = geom.name or f"ground{i}"
     drawn = (*visible(spec), *(g.name for g in spec.geoms if g.group < 3 and g.name and _of_world_or_tool(g)))

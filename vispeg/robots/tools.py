@@ -72,10 +72,10 @@ def attach(spec: mujoco.MjSpec, flange: str, tool: str | Mapping[str, Any] | Non
     """
     if tool is None or tool == "none":
         return
-    site = spec.site(flange)
     if any(b.name == "tool" for b in spec.bodies):
         raise UserError("the robot already has a body named 'tool'", expected="a robot without a tool")
-    body = site.parent.add_body(name="tool", pos=site.pos, quat=site.quat)
+    site = spec.copy().compile().site(flange)  # a file may state the orientation in another way than as a quaternion
+    body = spec.site(flange).parent.add_body(name="tool", pos=site.pos, quat=site.quat)
     if isinstance(tool, str):
         _named(spec, body, tool)
     else:

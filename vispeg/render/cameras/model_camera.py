@@ -86,10 +86,11 @@ def add_complete(spec: mujoco.MjSpec, cameras: Sequence[Camera]) -> None:
 
     Lens distortion is lost, since MuJoCo has none.
     """
+    model = spec.copy().compile()  # poses of the parents, however the file states them
     for camera in cameras:
         site = None if camera.parent == WORLD else spec.site(camera.parent)
         body = site.parent if site is not None else None if camera.parent == WORLD else spec.body(camera.parent)
-        pos, rot = (np.zeros(3), np.eye(3)) if site is None else (np.array(site.pos), rotation(np.array(site.quat)))
+        _, pos, rot = _mount(model, camera.parent)
         size = np.array([camera.width, camera.height])
         (body or spec.worldbody).add_camera(
             name=camera.name,
