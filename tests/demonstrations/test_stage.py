@@ -9,7 +9,7 @@ import pytest
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import decode
-from vispeg.datasets.layout import is_picture
+from vispeg.datasets.layout import is_picture, truth_of
 from vispeg.datasets.shards.plan import Shard, look_seed
 from vispeg.datasets.shards.shard import shard_bytes
 from vispeg.demonstrations.plan import plan_of
@@ -75,7 +75,8 @@ def test_the_first_look_is_what_the_task_shows(world):
     seed, moments, record, drawn = stage.play(seeds, 1000)[2]
     made = stage.draw(seed, 0, moments[:3], record, drawn)
     stage.close()
-    env = PegInHoleVec(ROWS, world, obs_mode="rgbd", cameras=CAMERAS, image_size=24, measured=True)
+    how = {"cameras": CAMERAS, "image_size": 24, "measured": True, "privileged": True}
+    env = PegInHoleVec(ROWS, world, obs_mode="rgbd", **how)
     seen = env.reset(seed=seeds[2])[0]  # row 0 plays it; the expert's actions are those that were recorded
     for step in range(3):
         for name in CAMERAS:
@@ -88,6 +89,7 @@ def test_the_first_look_is_what_the_task_shows(world):
             assert np.median(away) < 1e-6 and (away > 1e-4).mean() < 0.01
         want = made.values["observation.policy"][step]
         assert np.allclose(want, seen["policy"][0], atol=2e-4)
+        assert np.allclose(made.values[truth_of(())][step], seen["privileged"][0], rtol=1e-3, atol=1e-3)
         assert np.allclose(made.values["observation.state"][step], seen["measured"][0], rtol=1e-4, atol=1e-5)
         action = np.zeros((ROWS, 3))
         action[0] = made.values["executed.action"][step]

@@ -34,6 +34,7 @@ from vispeg.render.snapshot import Snapshot
 from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.registry import task_of as contract_of
 from vispeg.task.result import EpisodeResult
+from vispeg.task.terms import PRIVILEGED
 from vispeg.task.world_file import load_world
 from vispeg.worlds.split import optical
 from vispeg.worlds.world import World
@@ -139,7 +140,7 @@ class Stage:
         todo, every, rows = iter(seeds), list[Played](), list[Played | None]([None] * ROWS)
         self._begin(rows, todo, every)
         while any(rows) and not _enough(every, wanted):
-            observation = self.sim.observation()
+            observation, truth = self.sim.observation(), self._truth()
             meant = self.expert.act(observation)
             shaken = meant.copy()
             playing = [(i, episode) for i, episode in enumerate(rows) if episode]
@@ -147,7 +148,7 @@ class Stage:
                 shaken[i] = np.clip(
                     meant[i] + self.plan.noise * episode.noise.standard_normal(len(self.config.dof)), -1, 1
                 )
-                episode.moments.append(self._moment(i, observation, meant[i], shaken[i]))
+                episode.moments.append(self._moment(i, truth[i], meant[i], shaken[i]))
             gain, _, _, ended = self.sim.step(shaken)
             for i, episode in playing:
                 record = episode.record = ended[i]
@@ -170,7 +171,15 @@ class Stage:
             episode = rows[i] = Played(seed, self.sim.drawn[i], stream(seed, "dataset-noise"))
             every.append(episode)
 
-    def _moment(self, row: int, observation: dict[str, np.ndarray], meant: np.ndarray, shaken: np.ndarray) -> Moment:
+    def _truth(self) -> np.ndarray:
+        """Return the ground truth (ROWS, k) beside a policy that is told only the goal's nominal place."""
+        seen = self.sim.seen
+        told, seen.believed = seen.believed, np.tile(self.sim.nominal_goal, (ROWS, 1))
+        truth = self.sim.observation()[PRIVILEGED]
+        seen.believed = told
+        return truth
+
+    def _moment(self, row: int, truth: np.ndarray, meant: np.ndarray, shaken: np.ndarray) -> Moment:
         sim = self.sim
         seen = sim.seen
         terms = seen.stack.values[:, row].copy()
@@ -180,7 +189,7 @@ class Stage:
         values = {
             "observation.state": seen.readings()[row],
             "observation.policy": np.clip(terms.reshape(-1), -20, 20),
-            truth_of(()): observation["privileged"][row],
+            truth_of(()): truth,
             "action": meant,
             "executed.action": shaken,
         }
