@@ -7,6 +7,7 @@ import pytest
 
 from vispeg.cli.main import main
 from vispeg.core.assets import assets
+from vispeg.learn.methods.finetune import FinetuneSettings, finetune_in_worlds
 from vispeg.learn.policy import load
 from vispeg.learn.shipped import names, policy_folder
 from vispeg.learn.teacher import teacher_of
@@ -41,6 +42,19 @@ def test_finetune_takes_them_and_does_what_its_options_say():
     assert main(["finetune", "depth-S", "--world", "dev", *options, "--out", "tuned"]) == 0
     settings = json.loads(Path("tuned", "finetune.json").read_text())["settings"]
     assert {name: settings[name] for name in few} == few and load("tuned").modality == "depth"
+
+
+def test_a_known_share_is_played_with_the_tolerance_that_the_policy_was_made_for(tmp_path):
+    """Two ways that must agree: the world in its record, and a file that states that world with this tolerance."""
+    own = tmp_path / "own.yaml"
+    own.write_text("format: vispeg-world/1\nbase: randomized\ntask: {clearance_mm: 0.5}\n")
+    few = FinetuneSettings(demos=1, updates=2, known=0.5, known_steps=100, rows=2, episodes=1)
+    weights = []
+    for known in (None, str(own)):
+        out = tmp_path / f"tuned-{known is None}"
+        finetune_in_worlds(policy_folder("state-0.5mm"), "nominal", known, "expert", out, few, 0, say=lambda line: None)
+        weights.append((out / "policy.safetensors").read_bytes())
+    assert weights[0] == weights[1]
 
 
 def test_a_folder_of_ones_own_comes_before_a_shipped_policy_of_its_name(tmp_path):

@@ -8,7 +8,7 @@ from typing import Any
 
 from gymnasium.vector import AutoresetMode, VectorEnv
 
-from vispeg.learn.meta import Origin, interface
+from vispeg.learn.meta import Origin, interface, made_for
 from vispeg.learn.modalities import Modality, modality
 from vispeg.learn.policy import Policy
 from vispeg.learn.settings import SacSettings
@@ -56,8 +56,14 @@ def home(policy: Policy) -> str:
     return str(policy.meta.get("world_file") or policy.meta.get("world") or "nominal")
 
 
-def of_policy(policy: Policy, world: str) -> MakeEnv:
-    """Return a function that makes environments of `world` with the policy's interface: stack, directions, cameras."""
-    policy_settings = interface(policy.meta)
-    make = maker(modality(policy.modality), world, SacSettings(recurrent=policy.recurrent), 1)
+def of_policy(policy: Policy, world: str | None = None) -> MakeEnv:
+    """Return a function that makes environments with the policy's interface: stack, directions, cameras.
+
+    Args:
+        policy: the policy.
+        world: name or file of the world; None for the one that the policy was trained in, with the tolerance that it
+            was made for.
+    """
+    policy_settings = {**({} if world else made_for(policy.meta)), **interface(policy.meta)}
+    make = maker(modality(policy.modality), world or home(policy), SacSettings(recurrent=policy.recurrent), 1)
     return lambda rows, settings: make(rows, {**policy_settings, **settings})

@@ -61,11 +61,10 @@ def stage(who: Entrant, world: str) -> Iterator[tuple[Any, Any, str]]:
         policy = player(who, env.config)
     else:
         from vispeg.learn.envs import home, of_policy
-        from vispeg.learn.meta import made_for
 
         policy = player(who, None)
         at = world or home(policy)
-        env = of_policy(policy, at)(1, {} if world else made_for(policy.meta))
+        env = of_policy(policy, world or None)(1, {})
     try:
         yield env, policy, at
     finally:

@@ -22,7 +22,7 @@ from vispeg.core.provenance import command_line
 from vispeg.core.seeds import stream
 from vispeg.interface.actions import split
 from vispeg.learn.device import device_of
-from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, home, of_policy
+from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, of_policy
 from vispeg.learn.evaluation import run_episodes, success_rate
 from vispeg.learn.experience.replay import Replay
 from vispeg.learn.experience.shown import from_folder, made_in
@@ -191,12 +191,12 @@ def finetune_in_worlds(
     Args:
         source, out, settings, seed: as for `finetune`.
         world: name or file of the target world.
-        training: name or file of the world that the policy was trained in; None for the one in its record.
+        training: name or file of the world that the policy was trained in; None for the one in its record, with the
+            tolerance that the policy was made for.
         teacher: policy folder of the teacher, or `expert`.
         more: further keyword arguments of `finetune`.
     """
     policy = load(source)
-    training = training or home(policy)
     return finetune(
         source,
         out,
