@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from vispeg.core.seeds import stream
 from vispeg.recordings.load import load
-from vispeg.render.cameras.camera_files import load_camera, save_cameras
+from vispeg.render.cameras.camera_files import load_camera, load_posed, save_cameras
 from vispeg.vision.eye import camera_of
 
 
@@ -58,6 +58,13 @@ def test_given_intrinsics_and_json(vispeg, images, tmp_path):
     results = json.loads(out)
     assert code == 0 and not results["intrinsics"]["fitted"] and "half_width_95" not in results["intrinsics"]
     assert np.abs(np.array(results["hand_eye"]["pos_m"]) - X[:3, 3]).max() < 1e-3
+
+
+def test_without_poses_the_camera_s_file_states_none(vispeg, images):
+    code, _, err = vispeg("camera", "calibrate", images, "--pattern", "9x6", "--square", 0.0236, "--out", "w")
+    assert code == 0, err
+    ((camera, posed),) = load_posed("w/camera.yaml")
+    assert not posed and abs(camera.fx - LENS.focal[0]) < 2
 
 
 def test_mistakes(refused, images, tmp_path):

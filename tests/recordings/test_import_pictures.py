@@ -21,6 +21,8 @@ from vispeg.recordings.load import load
 from vispeg.recordings.write import write
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.camera_files import save_cameras
+from vispeg.robots.model import load as robot
+from vispeg.vision.eye import posed
 
 START = 1_700_000_000_000_000_000
 H, W = 12, 16
@@ -300,6 +302,27 @@ def test_videos_of_a_data_set(version, tmp_path):
     assert frames.cameras["wrist"].mount == "flange" and len(frames) == 50
     for frame, level in zip(frames, sum(levels, []), strict=True):
         assert abs(float(np.median(frame.rgb)) - level) < 2.5, (frame.episode, frame.time)
+
+
+LAB = """<mujoco><worldbody><body><joint name="joint1" axis="0 0 1"/><geom size=".1" mass="1"/>
+  <body pos="0 0 .3"><joint name="joint2" axis="0 1 0"/><geom size=".1" mass="1"/><site name="flange" pos="0 0 .1"/>
+    <camera name="wrist" pos="0 .1 .1" xyaxes="1 0 0 0 -1 0" {}/></body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(("stated", "mount"), [('resolution="64 48"', "flange"), ("", None)])
+def test_a_camera_file_without_a_pose_leaves_that_of_the_robot_s_file(stated, mount, tmp_path):
+    """ROS's camera_info holds the lens; `mount` None: the recording states no pose, that of the MJCF holds."""
+    table, _ = data_set(tmp_path / "set", 2)
+    (tmp_path / "lab.xml").write_text(LAB.format(stated))
+    (tmp_path / "map.yaml").write_text(MAP)
+    lens = save_cameras(tmp_path / "lens.yaml", Camera("wrist", 64, 48, 61.0, 60.0, 31.5, 23.5), style="ros")
+    options = {"mapping": tmp_path / "map.yaml", "topics": Topics(images=("wrist",)), "insist": True}
+    rec = convert(table, str(tmp_path / "lab.xml"), tmp_path / "rig", cameras=lens, **options)
+    eye = rec.frames.cameras["wrist"]
+    assert (eye.fx, eye.mount) == (61.0, mount)
+    eye = posed(load(tmp_path / "rig").frames, robot(rec.robot)).cameras["wrist"]
+    assert (eye.fx, eye.mount) == (61.0, "flange")
+    np.testing.assert_allclose(eye.pose[:3], np.eye(4)[:3] + np.outer((0, 0.1, 0), (0, 0, 0, 1)), atol=1e-9)
 
 
 def test_what_is_wrong_with_videos_is_said(tmp_path):

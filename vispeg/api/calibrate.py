@@ -57,7 +57,7 @@ class CalibrationResult(Result):
         return calibration_summary(self.record)
 
     def _write(self, folder: Path) -> None:
-        save_cameras(folder / "camera.yaml", self.camera)
+        save_cameras(folder / "camera.yaml", self.camera, posed=self.flange is not None)
         write_json(folder / "results.json", dict(self.record))
         (folder / "corners").mkdir()
         for number, view in enumerate(self.calibration.views):

@@ -22,7 +22,7 @@ from vispeg.recordings.importers.source import is_bag, read_source
 from vispeg.recordings.objects import ObjectRecording, write_object
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.write import write
-from vispeg.render.cameras.camera_files import load_cameras
+from vispeg.render.cameras.camera_files import load_posed
 from vispeg.render.cameras.model_camera import cameras_of
 from vispeg.robots.model import RobotModel, load, load_for
 from vispeg.robots.objects import load_object
@@ -211,12 +211,18 @@ def _of_currents(
 
 
 def _cameras(files: Sequence[Path], robot: RobotModel) -> Mapping[str, RecordedCamera]:
-    """Return the robot file's cameras, overridden by camera files. Raises UserError: two files name one camera."""
+    """Return the robot file's cameras, overridden by what camera files state of them.
+
+    Raises:
+        UserError: two files name one camera.
+    """
     out = {c.name: recorded_of(c) for c in cameras_of(robot) if c.parent in ("base", "flange")}
     stated: dict[str, Path] = {}
     for file in files:
-        for camera in load_cameras(file):
+        for camera, posed in load_posed(file):
             if camera.name in stated:
                 raise UserError(f"camera '{camera.name}' is stated twice", file=file, got=str(stated[camera.name]))
-            stated[camera.name], out[camera.name] = Path(file), recorded_of(camera)
+            new, old = recorded_of(camera), out.get(camera.name)
+            stated[camera.name] = Path(file)
+            out[camera.name] = new if posed else replace(new, mount=old and old.mount, pose=old and old.pose)
     return out

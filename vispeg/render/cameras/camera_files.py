@@ -25,6 +25,7 @@ FORMAT = "vispeg-camera/1"
 CAMERAS = Format(FORMAT, "a camera file")
 Style = Literal["vispeg", "opencv", "ros"]
 REQUIRED = FIELDS[:7]
+POSE = FIELDS[-3:]
 
 
 def _example(style: Style) -> Callable[[Path], Path]:
@@ -46,6 +47,11 @@ def load_cameras(path: str | Path) -> tuple[Camera, ...]:
         UserError: the file is missing, has none of the formats, or holds impossible values. The message names the file
             and, where one is to blame, the key.
     """
+    return tuple(camera for camera, _ in load_posed(path))
+
+
+def load_posed(path: str | Path) -> tuple[tuple[Camera, bool], ...]:
+    """Return all cameras of a file, each with whether the file states its pose. Raises UserError as `load_cameras`."""
     text = read_text(path)
     opencv = text.startswith("%YAML:1.0")  # FileStorage writes this line, which only OpenCV's own parser accepts
     if opencv:
@@ -54,13 +60,13 @@ def load_cameras(path: str | Path) -> tuple[Camera, ...]:
     if not isinstance(record, dict):
         raise UserError("is not a camera file", file=path, expected=f"'format: {FORMAT}', OpenCV's or ROS's YAML")
     if opencv or "camera_matrix" in record:
-        return (_from_matrix(record, path),)
+        return ((_from_matrix(record, path), False),)
     rest = CAMERAS.open(record, path)
     many = rest["cameras"] if "cameras" in rest else [rest]
     if not isinstance(many, list) or not many:
         raise UserError("not a list of cameras", file=path, key="cameras", got=many)
-    cameras = tuple(from_record(entry, path) for entry in many)
-    names = [camera.name for camera in cameras]
+    cameras = tuple((from_record(entry, path), any(key in entry for key in POSE)) for entry in many)
+    names = [camera.name for camera, _ in cameras]
     if len(set(names)) < len(names):
         raise UserError("two cameras of one name", file=path, key="cameras", got=names)
     return cameras
@@ -74,8 +80,10 @@ def load_camera(path: str | Path) -> Camera:
     return camera
 
 
-def save_cameras(path: str | Path, cameras: Camera | Sequence[Camera], *, style: Style = "vispeg") -> Path:
-    """Write cameras to a file; `opencv` and `ros` files hold one camera and lose its pose.
+def save_cameras(
+    path: str | Path, cameras: Camera | Sequence[Camera], *, style: Style = "vispeg", posed: bool = True
+) -> Path:
+    """Write cameras to a file; `opencv` and `ros` files hold one camera and lose its pose, as does `posed=False`.
 
     Numbers are written with all digits: reading them back gives the same bits.
 
@@ -89,7 +97,7 @@ def save_cameras(path: str | Path, cameras: Camera | Sequence[Camera], *, style:
         raise UserError("unknown style of camera file", got=style, choices=("vispeg", "opencv", "ros"))
     if style != "vispeg" and len(many) > 1:
         raise UserError(f"a camera file of style '{style}' holds one camera", file=path, got=[c.name for c in many])
-    records = [to_record(camera) for camera in many]
+    records = [{k: v for k, v in to_record(camera).items() if posed or k not in POSE} for camera in many]
     if style == "vispeg":
         content = {"format": FORMAT, **records[0]} if len(many) == 1 else {"format": FORMAT, "cameras": records}
         text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
