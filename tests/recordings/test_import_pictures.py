@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from fractions import Fraction
 
 import cv2
 import numpy as np
@@ -13,7 +14,7 @@ from vispeg.api.recording.convert import convert
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.recordings.importers.bagimages import camera_name
-from vispeg.recordings.importers.lerobot_video import import_video
+from vispeg.recordings.importers.lerobot_video import decoded, import_video
 from vispeg.recordings.importers.mapping import ColumnMap
 from vispeg.recordings.importers.pictures import Album
 from vispeg.recordings.importers.rosbag import Topics, import_rosbag
@@ -302,6 +303,31 @@ def test_videos_of_a_data_set(version, tmp_path):
     assert frames.cameras["wrist"].mount == "flange" and len(frames) == 50
     for frame, level in zip(frames, sum(levels, []), strict=True):
         assert abs(float(np.median(frame.rgb)) - level) < 2.5, (frame.episode, frame.time)
+
+
+@pytest.mark.parametrize(
+    ("missing", "rate", "shown"),
+    [((3,), 10, (0, 1, 2, 4, 5, 6, 7, 8, 9)), ((), 20, (0, 2, 4, 6, 8)), ((), 5, (0, 1, 2, 3, 4, 5, 6, 7, 8, 9))],
+)
+def test_times_take_the_nearest_frame_of_a_video_and_a_missing_one_costs_its_own_time_only(
+    missing, rate, shown, tmp_path
+):
+    """A film of 10 frames a second, frame k of grey 12 k; `shown`: the rows of a table at `rate` with a picture."""
+    av = pytest.importorskip("av")
+    with av.open(str(tmp_path / "film.mp4"), "w") as out:
+        stream = out.add_stream("mpeg4", rate=10)
+        stream.width, stream.height, stream.pix_fmt, stream.bit_rate = 64, 48, "yuv420p", 2_000_000
+        for k in range(20):
+            if k not in missing:
+                frame = av.VideoFrame.from_ndarray(np.full((48, 64, 3), 12 * k, np.uint8), format="rgb24")
+                frame.pts, frame.time_base = k, Fraction(1, 10)
+                out.mux(stream.encode(frame))
+        out.mux(stream.encode(None))
+    found = list(decoded(tmp_path / "film.mp4", np.arange(10) / rate, 0.0))
+    assert [time for time, _ in found] == pytest.approx([k / rate for k in shown])
+    assert [float(np.median(picture)) / 12 for _, picture in found] == pytest.approx(
+        [10 * k / rate for k in shown], abs=0.3
+    )
 
 
 LAB = """<mujoco><worldbody><body><joint name="joint1" axis="0 0 1"/><geom size=".1" mass="1"/>

@@ -111,6 +111,7 @@ def test_opencv_reads_what_we_write_and_we_what_it_writes(tmp_path):
     np.testing.assert_array_equal(store.getNode("distortion_coefficients").mat().ravel(), LENS)
     store = cv2.FileStorage(theirs, cv2.FILE_STORAGE_WRITE)
     store.write("image_width", 64)
+    store.write("fisheye_model", 0)  # as OpenCV's own calibration writes of a lens of Brown's
     store.write("image_height", 48)
     store.write("camera_matrix", CAMERA.K)
     store.write("distortion_coefficients", np.array([LENS]))
@@ -166,6 +167,11 @@ def test_what_no_camera_can_be_is_said_in_one_line(changes, said):
             "camera_matrix: {data: [60, 0, 32, 0, 60, 32, 0, 0, 1]}\ndistortion_model: equidistant\n"
             "image_width: 64\nimage_height: 64\n",
             "distortion_model: unknown lens.*got 'equidistant'",
+        ),
+        (
+            "%YAML:1.0\n---\ncamera_matrix: {data: [60, 0, 32, 0, 60, 32, 0, 0, 1]}\nfisheye_model: 1\n"
+            "distortion_coefficients: {data: [0.1, 0.02, 0, 0]}\nimage_width: 64\nimage_height: 64\n",
+            "fisheye_model: unknown lens.*got 1",
         ),
         (
             "camera_matrix: {data: [60, 0, 32, 0, 60, 32, 0, 0, 1]}\ndistortion_model: plumb_bob\n"

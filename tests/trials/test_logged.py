@@ -1,21 +1,28 @@
 """A log that is played again is the trial that it was: the policy sees and asks for the same, and it ends as it did."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from lockstep import Lockstep
+from reaching import meaning
 
 from vispeg.api.run import opened, run
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.core.notes import Note
 from vispeg.datasets.read import Dataset
-from vispeg.recordings.cell import Outcome
+from vispeg.recordings.cell import Outcome, reaction
+from vispeg.recordings.frames.camera import RecordedCamera
+from vispeg.recordings.frames.frames import Frames, RecordedFrame
 from vispeg.recordings.load import load
+from vispeg.recordings.recording import Control, Recording
 from vispeg.recordings.write import write
+from vispeg.trials.logged import FORCE, LoggedRobot
 from vispeg.trials.loop import How, run_episode
-from vispeg.trials.trial import folders, read_trial, write_trial
+from vispeg.trials.tape import recorded
+from vispeg.trials.trial import PolicyPart, folders, read_trial, write_trial
 
 SEED, FEW = 3, 4  # FEW: steps of the policy that sees
 
@@ -102,3 +109,69 @@ def test_a_folder_in_lerobot_s_layout_is_a_log_too(tmp_path):
         # forces are those of the sample but for the part of a mean that reaches back towards the one before
         np.testing.assert_allclose(trial.steps.seen[1 : len(told), 6:12], told[1:, 6:12], atol=0.1)
         assert trial.said.outcome.success == data.successes[k] or trial.said.outcome.by == "measured"
+
+
+class Still:
+    """A policy that never moves."""
+
+    def reset(self, n, rows=None):
+        pass
+
+    def act(self, obs):
+        return np.zeros(3)
+
+
+def test_forces_without_weight_and_torques_with_it_come_back_from_lerobot_s_layout(tmp_path):
+    """A tilted hand at rest: the folder holds what an observer reads of the weight, the trial the weight."""
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    interface, n = meaning("state"), 3
+    names, seen = [*interface.arm.joints, *FORCE], interface.observer()
+    q = np.array(interface.arm.home_rad) + [0, 0, 0, 0, 0, 0.3, 0]
+    seen.see(q[None], 0 * q[None])
+    turn = interface.chain.rotation(q[None])[0]
+    weight = interface.tool.weight_at(turn)
+    seen.feel(weight[None, None])
+    assert np.abs(seen.readings()[0, -6:-3]).max() < 1e-9 < np.abs(seen.readings()[0, -3:]).max()
+    state = np.concatenate([q, seen.readings()[0, -6:]])
+    counted = {k: {"dtype": "int64", "shape": [1], "names": None} for k in ("frame_index", "episode_index", "index")}
+    counted |= {"timestamp": {"dtype": "float32", "shape": [1], "names": None}, "task_index": counted["index"]}
+    features = counted | {"observation.state": {"dtype": "float64", "shape": [len(names)], "names": names}}
+    info = {"codebase_version": "v2.1", "fps": 10, "total_frames": n, "chunks_size": 1000, "features": features}
+    info["data_path"] = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
+    for part in ("meta", "data/chunk-000"):
+        (tmp_path / "set" / part).mkdir(parents=True)
+    (tmp_path / "set/meta/info.json").write_text(json.dumps(info))
+    (tmp_path / "set/meta/episodes.jsonl").write_text(json.dumps({"episode_index": 0, "length": n}) + "\n")
+    rows = {"frame_index": np.arange(n), "index": np.arange(n), "timestamp": np.float32(np.arange(n) / 10)}
+    rows |= {"episode_index": np.zeros(n, int), "task_index": np.zeros(n, int), "observation.state": [state] * n}
+    pq.write_table(pa.table(rows), tmp_path / "set/data/chunk-000/episode_000000.parquet")
+    robot, who = LoggedRobot(tmp_path / "set"), PolicyPart(name="still", digest="", modality="state")
+    with pytest.warns(Note, match="interpolated"):
+        ran = run_episode(Still(), interface, robot, who, 0, robot.how(How()), clock=robot, watch=False)
+    np.testing.assert_allclose(reaction(ran.recording.ft), np.tile(weight, (len(ran.recording.ft), 1)), atol=1e-6)
+
+
+def test_a_log_s_camera_keeps_its_lens_and_its_place_and_colour_may_come_twice_as_often_as_depth(tmp_path):
+    interface = meaning("rgbd")
+    name = next(iter(interface.images)).partition("_")[2]
+    eye, at = recorded({k.partition("_")[2]: v.eye for k, v in interface.images.items()}[name], name), np.arange(5) / 20
+    lens = RecordedCamera(name, 8, 6, 9.0, 9.5, 3.4, 2.6)
+    colour = [np.full((6, 8, 3), k, np.uint8) for k in range(5)]
+    deep = [None if k % 2 == 0 else np.full((6, 8), 0.1 * k, np.float32) for k in range(5)]
+    other = replace(lens, name="unknown")
+    frames = [RecordedFrame(*row) for row in zip(at, [lens] * 5, colour, deep, strict=True)]
+    frames += [RecordedFrame(t, other, c) for t, c in zip(at, colour, strict=True)]
+    q = np.tile(interface.arm.home_rad, (5, 1))
+    control = Control("position", 20.0, "model", np.full(7, 40.0), np.full(7, 0.1))
+    rec = Recording(tmp_path, "iiwa14", interface.arm.joints, 20.0, control, at, q=q, q_cmd=q)
+    write(replace(rec, frames=Frames({name: lens, "unknown": other}, tuple(frames))), tmp_path / "log")
+    robot = LoggedRobot(tmp_path / "log")
+    robot.connect(interface, 0)
+    for k, depth in enumerate((0.1, 0.1, 0.1, 0.3, 0.3)):  # before the first of depth: that one, as of colour
+        robot.wait(at[k])
+        told = robot.read((name, "unknown")).pictures
+        assert list(told) == [name] and (told[name].rgb == k).all()
+        np.testing.assert_allclose(told[name].depth, depth, atol=1e-3)
+        kept = recorded(told[name].camera, name)
+        assert (kept.mount, kept.width, kept.fy, kept.cx) == (eye.mount, 8, 9.5, 3.4) and kept.mount is not None
+        np.testing.assert_array_equal(kept.pose, eye.pose)

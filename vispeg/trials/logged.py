@@ -23,6 +23,7 @@ from vispeg.interface.interface import Interface
 from vispeg.interface.observer import Observer
 from vispeg.recordings.cell import Outcome, WrenchSensor
 from vispeg.recordings.differentiate import CUTOFF_HZ, smooth
+from vispeg.recordings.frames.frames import RecordedFrame
 from vispeg.recordings.load import HEADER, load
 from vispeg.recordings.recording import Recording, in_order
 from vispeg.render.cameras.camera import Camera
@@ -34,7 +35,8 @@ from vispeg.trials.loop import Clock, How
 OTHER = 2e-3  # m, ten times an arm's repeatability; a larger difference means that another policy made the log
 INFO, SPEED = "meta/info.json", ".vel"
 FORCE = tuple(f"{what}_{axis}" for what in ("force", "torque") for axis in "xyz")
-TOLD = WrenchSensor(frame="base", acts_on="flange", tared="weight")  # convention in LeRobot folders
+# convention in LeRobot folders, once the tool's weight is added to the force, which alone is without it
+TOLD = WrenchSensor(frame="base", acts_on="flange")
 
 
 @dataclass(frozen=True)
@@ -191,14 +193,11 @@ def _recorded(whole: Recording, number: int, interface: Interface) -> Episode:
         raise UserError("an episode without readings of all joints", file=rec.path, key=f"episode {number}")
     start = rec.time[rows[0]]
     pictures: dict[str, tuple[np.ndarray, list[Callable[[], Picture]]]] = {}
-    seen = {} if rec.frames is None else {name: rec.frames.of(name) for name in rec.frames.names}
-    for name, frames in seen.items():
-        some = [f for f in frames if f.episode == number]
+    for key, seen in interface.images.items():
+        name = camera_of(key)
+        some = [] if rec.frames is None else [f for f in rec.frames.of(name) if f.episode == number]
         if some:
-            c = some[0].camera  # only its lens is used; its pose is that of the policy's camera
-            eye = Camera(name, c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion)
-            views = [lambda f=f, eye=eye: Picture(f.rgb, f.depth, eye) for f in some]
-            pictures[name] = np.array([f.time - start for f in some]), views
+            pictures[name] = np.array([f.time - start for f in some]), _views(some, seen.eye)
     ended = [o for o in rec.outcomes if o.episode == number]
     return Episode(
         rec.name,
@@ -211,6 +210,22 @@ def _recorded(whole: Recording, number: int, interface: Interface) -> Episode:
         None if rec.ee_cmd is None else rec.ee_cmd[rows, :3],
         ended[0] if ended else None,
     )
+
+
+def _views(frames: Sequence[RecordedFrame], eye: Camera) -> list[Callable[[], Picture]]:
+    """Return a function per frame of a camera that reads the newest colour and depth, or else the first to come.
+
+    The pictures' camera has the recording's lens, and the pose of the policy's camera `eye`.
+    """
+    c = frames[0].camera
+    eye = eye.moved(width=c.width, height=c.height, fx=c.fx, fy=c.fy, cx=c.cx, cy=c.cy, distortion=c.distortion)
+    rgb = next((f for f in frames if f.rgb_source is not None), None)
+    depth = next((f for f in frames if f.depth_source is not None), None)
+    out = []
+    for f in frames:
+        rgb, depth = f if f.rgb_source is not None else rgb, f if f.depth_source is not None else depth
+        out.append(lambda rgb=rgb, depth=depth: Picture(rgb and rgb.rgb, depth and depth.depth, eye))
+    return out
 
 
 def _of_dataset(place: Path) -> list[Callable[[Interface], Episode]]:
@@ -263,13 +278,15 @@ def _shown(folder: Path, number: int, ended: Sequence[bool] | None, interface: I
             images, eye = {kind: data[feature] for kind, feature in kinds.items()}, believed.get(name)
             views[name] = time, [partial(_picture, images, eye, i) for i in range(len(q))]
     outcome = None if ended is None else Outcome(bool(ended[number]), number, "" if ended[number] else "failed")
-    wrench = numbers(FORCE)
+    if (wrench := numbers(FORCE)) is not None:
+        wrench = _held(wrench)
+        wrench[:, :3] += interface.tool.weight_n
     return Episode(
         f"{folder.name}, episode {number}",
         time,
         q,
         _speeds(time, q, numbers(speeds)),
-        None if wrench is None else _held(wrench),
+        wrench,
         TOLD,
         views,
         None,

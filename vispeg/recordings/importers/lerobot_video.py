@@ -134,7 +134,8 @@ def _episode(root: Path, key: str, episode: int) -> dict[str, float]:
 def decoded(file: Path, times: np.ndarray, start: float) -> Iterator[tuple[float, np.ndarray]]:
     """Yield each time (s, from the episode's beginning) and the picture that the video shows then, (H, W, 3) uint8.
 
-    A time at which the video has no frame is left out. Raises UserError: no video.
+    A time at which the video has no frame is left out, and of several in one frame's period all but the nearest to it.
+    Raises UserError: no video.
     """
     import av
     from av.error import FFmpegError
@@ -142,7 +143,7 @@ def decoded(file: Path, times: np.ndarray, start: float) -> Iterator[tuple[float
     try:
         with av.open(str(file)) as video:
             stream = video.streams.video[0]
-            period = float(1 / stream.average_rate) if stream.average_rate else 0.0
+            half = float(0.5 / stream.average_rate) if stream.average_rate else 0.0  # s, half a frame's period
             waiting = list(enumerate(np.sort(times + start)))
             order = np.argsort(times, kind="stable")
             if start > 0 and stream.time_base:
@@ -150,12 +151,15 @@ def decoded(file: Path, times: np.ndarray, start: float) -> Iterator[tuple[float
             for frame in video.decode(stream):
                 if not waiting:
                     break
-                if frame.time is None or frame.time < waiting[0][1] - 0.5 * period:
+                if frame.time is None:
                     continue
-                if frame.time <= waiting[0][1] + 0.5 * period + 1e-6:
-                    number, _ = waiting.pop(0)
-                    yield float(times[order[number]]), frame.to_ndarray(format="rgb24")
-                while waiting and waiting[0][1] < frame.time - 0.5 * period:
+                while waiting and waiting[0][1] < frame.time - half - 1e-6:
                     waiting.pop(0)  # the video has no frame at this time
+                shown = []
+                while waiting and waiting[0][1] <= frame.time + half:
+                    shown.append(waiting.pop(0))
+                if shown:
+                    number, _ = min(shown, key=lambda one: abs(one[1] - frame.time))
+                    yield float(times[order[number]]), frame.to_ndarray(format="rgb24")
     except (FFmpegError, IndexError, ValueError) as error:
         raise UserError(f"is not a video that can be decoded ({error})", file=file) from error

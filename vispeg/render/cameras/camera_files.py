@@ -131,9 +131,10 @@ def _from_matrix(record: Mapping[str, Any], path: str | Path) -> Camera:
     model = record.get("distortion_model", "plumb_bob")
     if matrix.size != 9 or abs(matrix[1]) > 1e-9 * abs(matrix[0]):
         raise UserError("not a camera matrix without skew", file=path, key="camera_matrix", got=matrix.tolist())
-    plumb_bob = model in ("plumb_bob", "none", "")
-    if not plumb_bob or np.any(lens[5:]):
+    fisheye, plumb_bob = record.get("fisheye_model"), model in ("plumb_bob", "none", "")  # OpenCV's and ROS's key
+    if fisheye or not plumb_bob or np.any(lens[5:]):
         key, got = ("distortion_coefficients", lens.tolist()) if plumb_bob else ("distortion_model", model)
+        key, got = ("fisheye_model", fisheye) if fisheye else (key, got)
         raise UserError("unknown lens", file=path, key=key, expected="k1, k2, p1, p2, k3 (plumb_bob)", got=got)
     for key in ("image_width", "image_height"):
         if key not in record:
