@@ -17,7 +17,7 @@ from vispeg.render.calibration.board import Board
 from vispeg.render.calibration.detect import View
 from vispeg.render.cameras.camera import Camera
 from vispeg.vision.board import Look, board_of, laid, view_of_board
-from vispeg.vision.board_picture import with_board
+from vispeg.vision.board_picture import texture, with_board
 from vispeg.vision.eye import Eye
 from vispeg.worlds.world import World
 
@@ -117,3 +117,17 @@ def test_a_cell_states_its_board_and_a_board_that_cannot_be_is_named():
         with pytest.raises(UserError) as error:
             board_of(CellBelief("nominal", board=wrong), Path("rig/recording.yaml"))
         assert "cell.board" in str(error.value) and "recording.yaml" in str(error.value)
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(7, 5), (5, 7), (6, 4), (7, 6), (6, 7)])
+def test_a_board_is_refused_whose_print_is_the_same_after_half_a_turn(columns, rows):
+    """Its corners would be numbered from the other end where the camera has rolled: 65 px off at 7 x 5."""
+    stated = STATED | {"columns": columns, "rows": rows}
+    cell, printed = CellBelief("nominal", board=stated), texture(Board(**stated))
+    if np.array_equal(printed, np.rot90(printed, 2)):
+        with pytest.raises(
+            UserError, match=f"rig.yaml: cell.board: looks the same after half .*got '{columns}x{rows}'"
+        ):
+            board_of(cell, Path("rig.yaml"))
+    else:
+        assert board_of(cell) == Board(**stated)

@@ -73,12 +73,13 @@ def board_of(cell: CellBelief | None, file: str | Path | None = None) -> Board |
     """Return the board that a cell states, None where it states none.
 
     Raises:
-        UserError: a board that cannot be, or one with a key too many or too few.
+        UserError: a board that cannot be, one with a key too many or too few, or one whose corners are numbered from
+            either end, as it looks the same after half a turn.
     """
     if cell is None or cell.board is None:
         return None
     try:
-        return Board(**cell.board)
+        board = Board(**cell.board)
     except TypeError as error:
         expected = "kind, columns, rows, square; for charuco marker and dictionary"
         raise UserError(
@@ -86,6 +87,12 @@ def board_of(cell: CellBelief | None, file: str | Path | None = None) -> Board |
         ) from error
     except UserError as error:
         raise UserError(str(error), file=file, key="cell.board") from error
+    if board.symmetric:
+        expected = "one odd and one even number of inner corners, or a ChArUco board"
+        raise UserError(
+            "looks the same after half a turn", file=file, key="cell.board", expected=expected, got=board.pattern
+        )
+    return board
 
 
 def view_of_board(rgb: np.ndarray, board: Board) -> View | None:
