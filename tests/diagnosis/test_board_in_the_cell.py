@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from vispeg.api.inputs import Inputs
 from vispeg.api.recording.look import cameras_of, look_of, scene_of
 from vispeg.channels.channel import CHANNELS, How
 from vispeg.channels.pictures import border_evidence_of
@@ -18,6 +19,7 @@ from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.frames.frames import Frames
 from vispeg.recordings.recording import Control, Recording
 from vispeg.render.calibration.board import Board
+from vispeg.view.diagnose.borders import Borders
 from vispeg.vision.board_picture import with_board
 from vispeg.vision.geometry import Geometry
 from vispeg.vision.photograph import photograph
@@ -58,6 +60,19 @@ def test_corners_are_readings_that_the_truth_leaves_little_of():
     (at_truth,), (nominal,) = evidence.misplaced(CELL.add(hidden)), evidence.misplaced(CELL)
     assert np.sqrt(np.mean(at_truth[corners] ** 2)) < 0.15
     assert np.sqrt(np.mean(nominal[corners] ** 2)) > 1.0
+
+
+def test_pictures_of_recordings_of_one_name_keep_their_own_recording():
+    """Both are called `rig`, and each item's frames have times of their own recording."""
+    first, second = (replace(pictured(3, frames=6), path=Path(day, "rig")) for day in ("monday", "tuesday"))
+    shots = tuple(replace(frame, time=frame.time + 50.0) for frame in second.frames)
+    second = replace(second, time=second.time + 50.0, frames=replace(second.frames, frames=shots))
+    shown = Borders(Inputs(CELL, (first, second), (), ({}, {}), ()), 1, lambda text: None, None)
+    for track, rec in enumerate((first, second)):
+        got, start = shown.recorded(track)
+        assert got is rec and start == rec.time[0]
+    before, after = shown.tracks(CELL, CELL)
+    np.testing.assert_allclose(after.time, before.time)
 
 
 @pytest.mark.slow

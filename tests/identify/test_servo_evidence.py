@@ -15,12 +15,14 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.run import diagnose
+from vispeg.diagnosis.traces import arrays, traces
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import Motion
 from vispeg.identify.load import load_noise
 from vispeg.identify.record import controller, record
 from vispeg.recordings.load import load as load_recording
 from vispeg.recordings.noise import noise_of
+from vispeg.report.evidence import evidence_of
 from vispeg.robots.model import load
 from vispeg.sim.segments.segment import segments
 from vispeg.worlds.entry import ranged
@@ -123,6 +125,22 @@ def test_diagnosis_names_a_servo():
         assert v.low <= truth.params[name].value <= v.high and v.high - v.low < 0.3 * v.value
     last = out.record["ladder"][-1]["heldout_error"]
     assert last < 1.2 * out.record["noise_floor"]["value"]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_servo_beside_a_known_loop_keeps_its_own_track(turned):
+    """Both angles are principal, in either order; the torque is that of the known loop."""
+    robot, time = pendulum(), np.arange(300) / 100.0
+    goal = 0.4 * np.sin(2 * time)[:, None]
+    driven = controller(robot, "position", 100.0, np.zeros(1))
+    known = record(World(robot.source), Motion("sway", time, goal, goal), driven, {}, stream(1, "made"))
+    recs = [known, replace(made(0.0), load=0.0 * made(0.0).q)][:: -1 if turned else 1]
+    here = Evidence(recs)
+    got = evidence_of(arrays(traces(here.items, here.simulated([World(robot.source)])), robot.joints))
+    assert [t.channel for t in got.traces] == ["angle", "servo"][:: -1 if turned else 1]
+    assert [len(t.time) for t in got.traces] == [len(item.valid) for item in here.items]
+    (torque,) = got.torques
+    np.testing.assert_array_equal(torque.measured, known.tau)
 
 
 def test_a_table_of_a_lerobot_arm_converts_and_compares(tmp_path, capsys):

@@ -7,8 +7,13 @@ import numpy as np
 import pytest
 
 from vispeg.core.seeds import stream
+from vispeg.diagnosis.traces import Trace
+from vispeg.diagnosis.traces import arrays as kept
+from vispeg.report.evidence import evidence_of
 from vispeg.report.live.arm import arm_arrays, stage
 from vispeg.report.live.traces import Line, Panel, Track, coded, thinned, thinned_time, widget
+from vispeg.report.record import Record
+from vispeg.report.sections.measured_vs_model import interactive
 from vispeg.worlds.world import World
 
 
@@ -52,6 +57,25 @@ def test_a_line_without_its_array_is_not_offered_and_markup_in_names_stays_text(
     found = widget([name], panels, [track], [True])
     assert found["panels"] == [("motion", True)] and found["lines"] == [("measured", "ink")]
     assert "</script" not in found["data"] and json.loads(found["data"])["channels"] == [name]
+
+
+def test_two_episodes_of_one_name_keep_their_own_torques():
+    """Both are called `rig`, as episodes of one recording and recordings in two folders are; one is shorter."""
+    made = [
+        Trace("rig", unit, np.arange(n) / 100, values, 0 * values, None, channel=channel, beside=channel == "torque")
+        for n, torque in ((800, 10.0), (600, 20.0))
+        for channel, unit, values in (
+            ("angle", "rad", np.full((n, 2), torque / 100)),
+            ("torque", "N m", np.full((n, 2), torque)),
+        )
+    ]
+    evidence = evidence_of(kept(made, ["a", "b"]))
+    drawn = interactive(Record("compare", {}, evidence))
+    assert len(set(drawn["tracks"])) == 2
+    for track in json.loads(drawn["data"])["tracks"]:
+        angle, torque = (decoded(track["arrays"][key]) for key in ("measured", "measured_tau"))
+        assert angle.shape == torque.shape == (2, len(track["time"]))
+        assert torque == pytest.approx(100 * angle, rel=1e-4)
 
 
 def test_the_pages_arm_has_the_models_shapes_where_the_model_has_them():

@@ -30,6 +30,7 @@ class Trace:
         noise: (k,) or (n, k) standard deviation of a reading; None if unknown.
         regime: (n,) index into a list of names, such as phases of contact; None if there is no such list.
         channel: what was measured: `angle`, `torque`, `force`, ...; empty in files of earlier versions.
+        beside: whether another channel of the stretch is the principal one.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Trace:
     noise: np.ndarray | None = None
     regime: np.ndarray | None = None
     channel: str = ""
+    beside: bool = False
 
     @property
     def left(self) -> np.ndarray:
@@ -76,6 +78,7 @@ def traces(items: Iterable[Item], predicted: Sequence[np.ndarray], regimes: Sequ
                     noise=np.broadcast_to(c.sigma, c.measured.shape if np.ndim(c.sigma) == 2 else c.measured.shape[1:]),
                     regime=regimes[r] if len(regimes) else None,
                     channel=c.kind,
+                    beside=start > 0,
                 )
             )
             start = columns.stop
@@ -85,14 +88,14 @@ def traces(items: Iterable[Item], predicted: Sequence[np.ndarray], regimes: Sequ
 def arrays(drawn: Sequence[Trace], columns: Sequence[str], regimes: Sequence[str] = ()) -> dict[str, np.ndarray]:
     """Return traces as arrays of evidence.npz: `R/KEY` for stretch number R, and the names of columns and regimes.
 
-    Keys of a stretch's second channel end in `_tau`. A channel that is neither first nor in `BESIDE`, such as a servo's
-    load, is left out.
+    Keys of a stretch's second channel end in `_tau`. A channel that is neither principal nor in `BESIDE`, such as a
+    servo's load, is left out.
     """
     out: dict[str, np.ndarray] = {"joints": np.array(columns), "unit": np.array(drawn[0].unit)}
     out |= {"phases": np.array(regimes)} if len(regimes) else {}
-    row, principal = -1, drawn[0].channel
+    row = -1
     for trace in drawn:
-        end = "" if trace.channel == principal else BESIDE.get(trace.channel)
+        end = BESIDE.get(trace.channel) if trace.beside else ""
         if end is None:
             continue
         values = {"measured": trace.measured, "before": trace.before, "after": trace.after}

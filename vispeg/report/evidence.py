@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import zip_longest
 from pathlib import Path
 
@@ -145,12 +147,21 @@ class _Reader:
         self.path, self.arrays = path, arrays
         self.joints = tuple(str(name) for name in np.atleast_1d(arrays.get("joints", np.array([], dtype=str))))
 
+    @cached_property
+    def names(self) -> dict[int, str]:
+        """Name of each stretch by its number; episodes, and recordings of one name, are told apart by a number."""
+        out, taken = {}, Counter[str]()
+        for r in sorted({int(key.split("/")[0]) for key in self.arrays if key.split("/")[0].isdigit()}):
+            name = self.text(f"{r}/name", f"held-out {r + 1}")
+            taken[name] += 1
+            out[r] = name if taken[name] == 1 else f"{name}, number {taken[name]}"
+        return out
+
     def evidence(self) -> Evidence:
         unit = self.text("unit", "rad")
         traces, torques = [], []
-        rows = sorted({int(key.split("/")[0]) for key in self.arrays if key.split("/")[0].isdigit()})
-        for r in rows:
-            name, time = self.text(f"{r}/name", f"held-out {r + 1}"), self.need(f"{r}/time")
+        for r, name in self.names.items():
+            time = self.need(f"{r}/time")
             traces.append(self.trace(r, "", name, unit, time))
             if f"{r}/measured_tau" in self.arrays and f"{r}/before_tau" in self.arrays:
                 torques.append(self.trace(r, "_tau", name, "N m", time))
@@ -183,7 +194,7 @@ class _Reader:
         while f"choice/{r}/time" in self.arrays:
             time = self.need(f"choice/{r}/time")
             values = self.need(f"choice/{r}/residual", (m, len(time), nj))
-            residuals.append((self.text(f"{r}/name", f"held-out {r + 1}"), _end_to_end(time), values))
+            residuals.append((self.names.get(r, f"held-out {r + 1}"), _end_to_end(time), values))
             r += 1
         error, joints = self.need("choice/error", (m,)), self.need("choice/joints", (m, nj))
         return Choices(tuple(zip(*effects, strict=True)), on, rivals, error, joints, tuple(residuals))
@@ -209,7 +220,9 @@ class _Reader:
         noise = self.need(f"{r}/sigma{suffix}") if f"{r}/sigma{suffix}" in self.arrays else None
         regime = self.arrays[f"{r}/phase"].astype(int) if f"{r}/phase" in self.arrays else None
         channel = self.text(f"{r}/channel{suffix}", "")
-        return Trace(name, unit, _end_to_end(time), measured, before, after, posture, noise, regime, channel)
+        return Trace(
+            name, unit, _end_to_end(time), measured, before, after, posture, noise, regime, channel, bool(suffix)
+        )
 
     def map(self, axis: str) -> ResidualMap:
         edges = self.need(f"map/{axis}/edges")

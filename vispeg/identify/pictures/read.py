@@ -92,7 +92,7 @@ def _sight(rec: Recording, name: str, frames: Frames) -> Sight:
 
     recorded = frames.cameras[name]
     pictures = (lambda i: used[i].rgb), (lambda i: used[i].depth)
-    return Sight(rec.name, camera_of(recorded), times, joints, *pictures, board, corners, again, recorded.sensor)
+    return Sight(rec.name, camera_of(recorded), times, joints, *pictures, board, corners, again, recorded.sensor, rec)
 
 
 def _held(q: np.ndarray, episodes: np.ndarray, row: int) -> int | None:

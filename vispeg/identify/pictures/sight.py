@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.recordings.recording import Recording
 from vispeg.render.calibration.board import Board
 from vispeg.render.calibration.detect import View
 from vispeg.render.cameras.camera import Camera
@@ -27,6 +28,7 @@ class Sight:
         corners: detected corners of the board in a frame, None if it is not found.
         again: depth (H, W) m of another frame taken from the same place as a given one; None if there is none.
         sensor: kind of depth camera, as stated by the recording, "" if not stated.
+        recording: the recording of the frames; None for frames without one.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Sight:
     corners: Callable[[int], View | None] = lambda i: None
     again: Callable[[int], np.ndarray | None] = lambda i: None
     sensor: str = ""
+    recording: Recording | None = None
 
     def __len__(self) -> int:
         return len(self.time)
@@ -61,4 +64,5 @@ class Sight:
             lambda i: self.corners(int(chosen[i])),
             lambda i: self.again(int(chosen[i])),
             self.sensor,
+            self.recording,
         )

@@ -22,7 +22,6 @@ class Borders(Subject):
 
     Attributes:
         judged: the held-out pictures; the fitted ones if there is no `progress`, so no search.
-        recordings: name -> recording of these pictures.
     """
 
     unit, shows = "px", "Distance of edges from the borders that the model predicts"
@@ -34,7 +33,6 @@ class Borders(Subject):
         )
         self.judged: BorderEvidence = evidence if judged is None else judged
         self.search = None if judged is None else PictureSearch(evidence, judged, say, progress)
-        self.recordings = {rec.name: rec for rec in self.judged.recordings or evidence.recordings}
         self.columns = tuple(dict.fromkeys(i.sight.camera.name for i in self.judged.items))
         self.units = (self.unit,) * len(self.columns)
 
@@ -91,7 +89,8 @@ class Borders(Subject):
 
     def recorded(self, track: int) -> tuple[Recording, float]:
         """Return the recording of a track, given by its index, and the time of its first sample, s: the track's 0."""
-        rec = self.recordings[self.judged.items[track].name]
+        rec = self.judged.items[track].sight.recording
+        assert rec is not None, "frames of a recording"
         return rec, float(rec.time[0])
 
     def _time(self, track: int) -> np.ndarray:
