@@ -6,6 +6,8 @@ from dataclasses import replace
 import pytest
 
 from vispeg.core.errors import UserError
+from vispeg.core.lock import LOCK
+from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.measured import read_csv
 from vispeg.evaluation.records import Episode, append, read, read_all
 
@@ -119,3 +121,15 @@ def test_an_untold_training_seed_is_the_policys_only_one_else_a_note_says_so(tmp
     (tmp_path / "r.csv").write_text("policy,seed,outcome,train_seed\nA,1,1,\nB,1,1,3\n")
     found = read_csv(tmp_path / "r.csv", policies={"A": {1}, "B": {3, 2}})
     assert [e.train_seed for e in found.episodes] == [1, 3] and found.notes == []
+
+
+def test_a_folder_with_its_lock_alone_is_a_new_one(tmp_path):
+    """As in a container: OUT is mounted, the folder above is not writable, and so the lock lies in OUT."""
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / LOCK).write_text("{}")
+    with workplace(tmp_path / "out", "evaluate.json") as place:
+        assert place == tmp_path / "out"
+    (tmp_path / "out2").mkdir()
+    (tmp_path / "out2" / "mine.txt").write_text("")
+    with pytest.raises(UserError, match="not a folder of such results"), workplace(tmp_path / "out2", "evaluate.json"):
+        pass

@@ -17,11 +17,15 @@ from vispeg.evaluation.films.video import write_image, write_video
 from vispeg.evaluation.gap import gap
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.stress import exploit, perturb, sensitivity
+from vispeg.render.image_kinds import SHOWN, depth_picture
 from vispeg.report.drawings.figures import WIDE
 from vispeg.report.gap import suite_page, words
+from vispeg.report.gap.bars import bar
 from vispeg.report.gap.build import render, write
+from vispeg.report.gap.colours import of_policies
 from vispeg.report.gap.headline import context
 from vispeg.report.gap.stress_pages import _profiles, exploit_page, perturb_page, sensitivity_page
+from vispeg.report.live.episodes import context as paired
 
 WORLDS = {"S": 0.95, "V": 0.85, "P": 0.75, "VP": 0.5}
 
@@ -124,7 +128,7 @@ def test_a_loss_is_printed_as_a_loss_and_called_one_where_it_is_decided():
 
 
 def test_a_policy_has_the_colour_of_what_it_sees_and_the_second_is_hatched():
-    from vispeg.report.gap.colours import BY_MODALITY, of_policies
+    from vispeg.report.gap.colours import BY_MODALITY
 
     both = [{"name": n, "modality": m} for n, m in (("a", "depth"), ("b", "depth"), ("c", "proprio"))]
     found = of_policies(both)
@@ -310,3 +314,30 @@ def test_text_has_no_negative_zero_and_no_false_certainty():
     )
     assert words.p_value(0.0000001) == "< 0.001" and words.p_value(None) == "-"
     assert words.percent(1.0) == "100 %" and words.percent(0.9976) == "99.8 %"
+
+
+def test_a_bar_s_rate_is_rounded_once():
+    """7 of 52 are 13.46 %: 13 % on the bar, not the 14 % of a rounded 13.5 %."""
+    style = of_policies([{"name": "depth", "modality": "depth"}])["depth"]
+    drawn = bar("depth", 0, {"value": 7 / 52, "low": 0.1246, "high": 0.1446, "n": 52}, style)
+    assert (drawn.percent, f"{drawn.low:.0f}", f"{drawn.high:.0f}") == ("13\N{NO-BREAK SPACE}%", "12", "14")
+
+
+def test_many_hours_have_no_exponent():
+    assert words.hours(125.0) == "125 h" and words.hours(1.26) == "1.3 h" and words.hours(None) == "not known"
+
+
+def test_a_film_is_offered_only_for_the_network_that_it_shows():
+    both = [replace(e, train_seed=t) for t in range(2) for e in episodes()]
+    film = {"policy": "depth", "train_seed": 0, "seed": 3, "sides": [{"world": "S"}]}
+    data = json.loads(paired(gap(both, worlds=list(WORLDS)), both, [film])["data"])
+    (shown,) = data["films"]
+    assert [data["names"][k] for k, t in enumerate(data["trained"]) if t == shown["trained"]] == ["depth (seed 0)"]
+
+
+def test_the_words_beside_depth_name_its_colours(tmp_path):
+    (near, none), (far, _) = (depth_picture(np.array([[d, 0.0]]))[0].astype(int) for d in SHOWN)
+    assert near.argmax() == 0 and far.argmax() == 2 and not none.any()
+    side = {"world": "S", "outcome": "jam after 3.0 s"}
+    html = render(gap(episodes()), [{"policy": "depth", "seed": 3, "sides": [side, side]}], tmp_path)
+    assert "near is red, far is blue, no reading is black" in html

@@ -19,6 +19,7 @@ from vispeg.core.disk import why
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import command_line
 
+LOCK = ".lock"  # in the result, if the folder above is not writable
 _MINE: set[Path] = set()  # results that this process has locked, so that it may claim them again
 
 
@@ -61,7 +62,7 @@ def _place(target: Path) -> Path:
     while not beside.exists():
         beside = beside.parent
     if target.is_dir() and not os.access(beside, os.W_OK):
-        return target / ".lock"
+        return target / LOCK
     return target.with_name(f".{target.name}.lock")
 
 

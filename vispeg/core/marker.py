@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from vispeg.core.errors import UserError
+from vispeg.core.lock import LOCK
 
 MARKER, FORMAT = ".vispeg.json", "vispeg-output/1"
 PART = f"{MARKER}.part"
@@ -37,8 +38,8 @@ def mark(folder: Path, holds: str, files: Iterable[str] | None = None) -> None:
 
 
 def untouched(folder: Path) -> bool:
-    """Return whether a folder is empty, or holds only the unfinished marker of a killed process."""
-    return all(path.name == PART for path in folder.iterdir())
+    """Return whether a folder is empty, or holds only its lock or the unfinished marker of a killed process."""
+    return all(path.name in (PART, LOCK) for path in folder.iterdir())
 
 
 def holds(folder: Path) -> str | None:

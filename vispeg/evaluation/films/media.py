@@ -46,7 +46,7 @@ def film_seeds(
             step = len(clips[-1].frames) - 1
             named = zip(clips, worlds, strict=True)
             sides = [side(clip, world, folder, f"{name}-{seed}-{world}", step) for clip, world in named]
-            films.append({"policy": name, "seed": seed, "sides": sides})
+            films.append({"policy": name, "train_seed": network, "seed": seed, "sides": sides})
     return films
 
 
@@ -78,7 +78,7 @@ def film_failures(jobs: Sequence[Job], episodes: Sequence[Episode], folder: Path
             for e in failures([e for e in of_policy if e.train_seed == job.entrant.train_seed], most):
                 clip = film(job, e.seed)
                 entry = side(clip, world, folder, f"{e.policy}-{world}-{e.seed}", len(clip.frames) - 1)
-                films.append({"policy": e.policy, "seed": e.seed, "sides": [entry]})
+                films.append({"policy": e.policy, "train_seed": e.train_seed, "seed": e.seed, "sides": [entry]})
     return films
 
 

@@ -227,8 +227,9 @@ class Side(TypedDict):
 
 
 class Film(TypedDict):
-    """A seed of a policy, filmed in one world or in several."""
+    """A seed of one network of a policy, filmed in one world or in several."""
 
     policy: str
+    train_seed: int
     seed: int
     sides: list[Side]

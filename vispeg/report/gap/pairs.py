@@ -17,8 +17,9 @@ def context(pairs: Sequence[Mapping[str, Any]], folder: Path) -> Mapping[str, ob
     """Return the pairs with their media as data URIs.
 
     Args:
-        pairs: {policy, seed, sides: [{world, outcome, video, image, view}, ...]}. `video` is the whole episode, `image`
-            the outside view and `view` the policy's own at the moment of failure; paths relative to `folder`, or None.
+        pairs: {policy, train_seed, seed, sides: [{world, outcome, video, image, view}, ...]}. `video` is the whole
+            episode, `image` the outside view and `view` the policy's own at the moment of failure; paths relative to
+            `folder`, or None. Older results have no `train_seed`.
         folder: folder of the media.
     """
     rows = []
@@ -26,7 +27,7 @@ def context(pairs: Sequence[Mapping[str, Any]], folder: Path) -> Mapping[str, ob
         sides = [
             {**side, **{k: data_uri(folder, side.get(k)) for k in ("video", "image", "view")}} for side in pair["sides"]
         ]
-        rows.append({"policy": pair["policy"], "seed": pair["seed"], "sides": sides})
+        rows.append({"policy": pair["policy"], "trained": pair.get("train_seed"), "seed": pair["seed"], "sides": sides})
     return {"pairs": rows}
 
 

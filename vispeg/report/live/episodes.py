@@ -45,13 +45,15 @@ def context(
             if of_side:
                 rows[f"{i},{j}"] = {"end": end, **numbers}
     films = [
-        {"policy": m["policy"], "seed": m["seed"], "world": side["world"], "at": f"film-{k}"}
+        {"policy": m["policy"], "seed": m["seed"], "world": side["world"], "at": f"film-{k}", "trained": network}
         for k, m in enumerate(media)
+        for network in [m.get("train_seed")]  # older results do not state it
         for side in m["sides"]
     ]
     colours = {c: name_of(BY_CATEGORY[c]) for c in ends if c in BY_CATEGORY}
     data = {
         "policies": [p for p, _ in sides],
+        "trained": [s for _, s in sides],
         "names": names,
         "worlds": worlds,
         "seeds": seeds,

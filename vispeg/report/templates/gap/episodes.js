@@ -65,7 +65,8 @@ for (const root of document.querySelectorAll("[data-pairing]")) {
   }
 
   function films(seed, both) {
-    return both.flatMap((side) => data.films.filter((f) => f.seed === seed && f.policy === data.policies[side.policy] && f.world === data.worlds[side.world]));
+    return both.flatMap((side) => data.films.filter((f) => f.seed === seed && f.policy === data.policies[side.policy] &&
+      (f.trained == null || f.trained === data.trained[side.policy]) && f.world === data.worlds[side.world]));
   }
 
   function tell(i) {
