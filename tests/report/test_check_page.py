@@ -94,6 +94,15 @@ def test_the_shares_of_the_table_are_those_of_the_report(page):
     assert "not determined</span>" not in page
 
 
+def test_a_share_of_nearly_all_has_no_exponent():
+    moved = {"identifiability": dict.fromkeys(PARAMETERS, 0.997)}
+    rec = faulty()
+    report = check(rec, LIMITS)
+    joint = replace(report.joints[0], excitation=replace(report.joints[0].excitation, **moved))
+    shown = replace(made(rec), report=replace(report, joints=(joint,)))
+    assert re.findall(r"<b>([^<]+) %</b>", render([shown], [], "vispeg check rig"))[0] == "100"
+
+
 def test_what_a_small_motion_confounds_is_not_determined():
     """There cos q is nearly 1, as a constant torque is; in the wide motion beside it both are told."""
     rec = faulty()

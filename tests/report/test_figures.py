@@ -9,7 +9,8 @@ from matplotlib import rc_context
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.report.drawings.figures import legend, new_figure, saved, styled, svg, thin
+from vispeg.report.drawings.camera_residuals import residual_figure
+from vispeg.report.drawings.figures import WIDE, legend, new_figure, saved, styled, svg, thin
 from vispeg.report.drawings.signature import signature_panels
 from vispeg.report.drawings.strips import interval_strip, place
 from vispeg.report.sections.maps import scale_levels
@@ -107,3 +108,16 @@ def test_signature_panels(tmp_path, kind):
         signature_panels("short", time[:-1], [("rad", lines)], tmp_path / "y.png")
     with pytest.raises(UserError, match="kind of file"):
         signature_panels("odd", time, [("rad", lines)], tmp_path / "y.bmp")
+
+
+def test_frames_of_two_episodes_are_two_lines_over_time():
+    """Each starts at 0 s, and one line through both would run back and forth between them."""
+    frames = [
+        {"recording": r, "episode": e, "time": t, "border_px": e + 1.0}
+        for r, e in (("a", 0), ("a", 1), ("b", 0))
+        for t in (0.0, 1.0, 2.0)
+    ]
+    over_time = residual_figure({}, frames, WIDE).axes[2].get_lines()
+    assert len(over_time) == 3
+    for line in over_time:
+        assert list(line.get_xdata()) == [0.0, 1.0, 2.0] and len(set(line.get_ydata())) == 1

@@ -131,6 +131,9 @@ def test_every_command_that_a_report_proposes_is_one(run, diagnosis, verdict, co
 
 def test_what_comes_next_in_one_sentence(diagnosis):
     assert words.onward({"next_experiment": None}).startswith("No rivals are left to distinguish.")
+    untold = words.onward({"next_experiment": None, "verdict": "ambiguous"})
+    assert untold.startswith("These recordings cannot tell which") and "No rivals" not in untold
+    assert words.onward({"next_experiment": None, "verdict": "unexplained"}).startswith("No known effect explains")
     said = words.onward(diagnosis("ambiguous"))
     assert said.startswith("Record slow triangle on joint4") and said.endswith("by an expected 9.4 sigma.")
     undecided = {

@@ -338,3 +338,10 @@ def test_the_terminals_table_says_of_each_effect_how_sure_its_name_is():
 
 def test_a_value_that_rounds_to_nothing_has_no_sign():
     assert interval(-1e-9, -0.5, 0.5) == ("0.00", "−0.50 to 0.50")
+
+
+def test_a_ratio_that_has_drifted_has_no_unit():
+    now = {"value": 0.95, "low": 0.93, "high": 0.97}
+    row = {"effect": "torque_gain", "where": "joint2", "parameter": "gain", "unit": "1", "since": "tuesday"}
+    (said,) = words.drifted([{**row, "then": {"value": 1.0, "low": 0.99, "high": 1.01}, "now": [now]}])
+    assert "gain 0.950 (0.930 to 0.970) now" in said

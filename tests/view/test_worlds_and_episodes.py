@@ -11,6 +11,7 @@ import vispeg
 from vispeg.core.errors import UserError
 from vispeg.datasets.read import Dataset
 from vispeg.evaluation.entrants import entrant
+from vispeg.evaluation.films.moments import Moment
 from vispeg.evaluation.players import player
 from vispeg.task.environments.vector import TaskVec
 from vispeg.task.world_file import load_world
@@ -101,6 +102,20 @@ def test_an_episode_is_that_of_its_command_and_ends_the_one_that_still_plays(pla
             assert np.linalg.norm(side.steps[-1].offset[:2]) == pytest.approx(1e3 * episode.lateral_error, abs=1e-3)
     finally:
         page.close()
+
+
+def test_no_force_is_drawn_after_an_episode_is_over():
+    pytest.importorskip("viser", reason="the extra 'view' is not installed")
+    from vispeg.view.policy_page import forces
+
+    none = np.zeros(3)
+    long, short = (
+        [Moment(0.16 * k, none, {}, {}, np.array([3.0, 4.0, 0.0]), none, None) for k in range(n)] for n in (5, 3)
+    )
+    time, one, other = forces([short, long])
+    np.testing.assert_allclose(time, 0.16 * np.arange(5))
+    np.testing.assert_array_equal(one, [5, 5, 5, np.nan, np.nan])
+    np.testing.assert_array_equal(other, [5] * 5)
 
 
 def test_a_draw_shows_what_the_cameras_of_that_episode_see():

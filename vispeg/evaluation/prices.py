@@ -67,7 +67,7 @@ def training_of(policy: Path | None, prices: Prices) -> Training:
             except (OSError, ValueError, KeyError, TypeError):
                 continue
             if seconds:
-                return Training(max(seconds) / HOUR, f"{max(seconds) / HOUR:.2g} h of training, as {log.name} measured")
+                return Training(max(seconds) / HOUR, f"{max(seconds) / HOUR:.3g} h of training, as {log.name} measured")
     return Training(None, "the policy's training time is not known: --training-hours states it")
 
 

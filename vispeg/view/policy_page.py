@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -35,6 +36,15 @@ class Side:
     world: str = ""
     cell: Drawing | None = None
     steps: list[Moment] = field(default_factory=list)
+
+
+def forces(sides: Sequence[Sequence[Moment]]) -> list[np.ndarray]:
+    """Return times (n,), s, of the longest episode, and each one's force at the wrist, (n,) N, NaN after its end."""
+    longest = max(sides, key=len)
+    out = np.full((len(sides), len(longest)), np.nan)
+    for row, steps in zip(out, sides, strict=True):
+        row[: len(steps)] = [float(np.linalg.norm(m.force)) for m in steps]
+    return [np.array([m.time for m in longest]), *out]
 
 
 def none(_: str) -> None:
@@ -191,10 +201,7 @@ class PolicyPage(Page):
         sides = [s for s in self.sides if len(s.steps) > 1]
         if not sides:
             return
-        longest = max(sides, key=lambda s: len(s.steps))
-        time = np.array([m.time for m in longest.steps])
-        lines = [np.array([float(np.linalg.norm(m.force)) for m in s.steps]) for s in sides]
-        lines = [np.concatenate([v, np.full(len(time) - len(v), v[-1])]) for v in lines]
+        time, *lines = forces([s.steps for s in sides])
         pen = {"width": 1.6, "points": {"show": False}}
         series = [{"label": s.world, "stroke": c, **pen} for s, c in zip(sides, ("#0a7a75", "#d9541e"), strict=False)]
         with self.plots:

@@ -145,7 +145,7 @@ def _told(joint: JointCheck) -> Mapping[str, object]:
         sigma = (moved.sigma or {}).get(name)
         cells.append(
             {
-                "share": f"{100 * share:.2g} %",
+                "share": f"{plain(100 * share, 2)} %",
                 "strength": round(100 * float(np.sqrt(share))),
                 "weak": share < FLAT,
                 "sigma": f"±{plain(sigma, 2)} {unit.replace('m^2', 'm²')}"

@@ -123,10 +123,14 @@ def _over_distance(ax: Any, table: np.ndarray | None, words: str) -> None:
 
 
 def _over_time(ax: Any, frames: Sequence[Mapping[str, Any]], key: str, words: str) -> None:
-    """Draw the RMS of each frame, `frame[key]`, over time; frames without it are left out."""
-    points = sorted((row["time"], row[key]) for row in frames if row.get(key) is not None)
+    """Draw the RMS of each frame, `frame[key]`, over time, a line per episode; frames without it are left out."""
+    episodes: dict[tuple[Any, Any], list[tuple[float, float]]] = {}
+    for row in frames:
+        if row.get(key) is not None:
+            episodes.setdefault((row.get("recording"), row.get("episode")), []).append((row["time"], row[key]))
     ax.set_title(f"{words} over time, RMS", color=MUTED, pad=3)
-    ax.plot(*np.array(points).T, ".-", color=MEASURED, markersize=4, linewidth=0.8)
+    for points in episodes.values():
+        ax.plot(*np.array(sorted(points)).T, ".-", color=MEASURED, markersize=4, linewidth=0.8)
     ax.set_ylim(bottom=0)
     ax.set_xlabel("time (s)")
     quiet(ax)

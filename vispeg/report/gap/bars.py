@@ -42,7 +42,7 @@ class Bar:
 
 def bar(name: str, number: int, e: Mapping[str, Any], style: Style, home: bool = False) -> Bar:
     """Return the bar of an estimate `e` (value, low, high, n); `home` marks a policy in the world of its training."""
-    value, low, high = (round(100 * float(e[k]), 1) for k in ("value", "low", "high"))
+    value, low, high = (100 * float(e[k]) for k in ("value", "low", "high"))
     text = f"{name}: {words.rate(e)}, 95 % interval, {e['n']} episodes"
     percent = f"{value:.0f}\N{NO-BREAK SPACE}%"
     return Bar(name, number, value, low, high, percent, text, name_of(style.colour), style.second, home)

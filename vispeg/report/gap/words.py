@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from vispeg.evaluation.controls import FIXED
+from vispeg.report.text.quantities import plain
 
 Row = Mapping[str, Any]
 CONTROLS = {
@@ -110,5 +111,5 @@ def met(condition: bool | None) -> str:
 
 
 def hours(value: float | None) -> str:
-    """Return hours to two digits; `not known` for None."""
-    return "not known" if value is None else f"{value:.2g} h"
+    """Return hours with two digits or more; `not known` for None."""
+    return "not known" if value is None else f"{plain(value, 2)} h"

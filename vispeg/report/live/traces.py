@@ -111,12 +111,11 @@ def coded(values: np.ndarray) -> dict[str, object]:
 
 def thinned(values: np.ndarray, most: int) -> np.ndarray:
     """Thin (n, k) to at most `most` rows, with the lowest and highest value of every interval, in order."""
-    n = len(values)
-    if n <= most:
+    if len(values) <= most:
         return values
-    length = -(-2 * n // most)
-    end = n // length * length
-    parts = values[:end].reshape(-1, length, values.shape[1])
+    start, end = _intervals(len(values), most)
+    rows = start[:, None] + np.arange((end - start).max())
+    parts = values[np.minimum(rows, end[:, None] - 1)]
     low = np.where(np.isfinite(parts), parts, np.inf).argmin(axis=1)
     high = np.where(np.isfinite(parts), parts, -np.inf).argmax(axis=1)
     at = np.stack([np.minimum(low, high), np.maximum(low, high)], axis=1)
@@ -125,12 +124,17 @@ def thinned(values: np.ndarray, most: int) -> np.ndarray:
 
 def thinned_time(time: np.ndarray, most: int) -> np.ndarray:
     """Thin times (n,) to match the rows of `thinned`: two per interval, evenly spaced."""
-    n = len(time)
-    if n <= most:
+    if len(time) <= most:
         return time
-    length = -(-2 * n // most)
-    end = n // length * length
-    return time[:end].reshape(-1, length)[:, [length // 4, length - 1 - length // 4]].ravel()
+    start, end = _intervals(len(time), most)
+    quarter = (end - start) // 4
+    return np.stack([time[start + quarter], time[end - 1 - quarter]], axis=1).ravel()
+
+
+def _intervals(n: int, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return first row of each of `most // 2` intervals, and the row after its last; together they are all n rows."""
+    edges = np.arange(most // 2 + 1) * n // (most // 2)
+    return edges[:-1], edges[1:]
 
 
 def _panel(panel: Panel) -> dict[str, object]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from vispeg.report.drawings.figures import AFTER, BEFORE, RULE, Shape, chart, new_figure, quiet
 from vispeg.report.record import Record, label
+from vispeg.report.text import effect_words
 from vispeg.report.text.quantities import prefix
 from vispeg.report.text.words import drifted, spread
 
@@ -52,7 +53,8 @@ def _figure(drift: Sequence[Mapping[str, Any]], shape: Shape) -> Figure:
             colour = BEFORE if now["outside"] else AFTER
             axes.plot([k, k], [at["low"], at["high"]], color=colour, linewidth=2)
             axes.plot(k, at["value"], "o", color=colour, markersize=4)
-        axes.set_title(f"{label(row)}: {row['parameter']}, {unit}", loc="left", fontsize="small")
+        named = ", ".join(part for part in (row["parameter"], effect_words.unit(unit)) if part)
+        axes.set_title(f"{label(row)}: {named}", loc="left", fontsize="small")
         axes.set_xticks(range(len(row["now"])), [str(k + 1) for k in range(len(row["now"]))])
         quiet(axes, grid="y")
     for axes in grid.ravel()[len(drift) :]:

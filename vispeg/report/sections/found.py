@@ -170,7 +170,7 @@ def _moved(row: Mapping[str, Any]) -> dict[str, str]:
         "param": str(row.get("param", "?")),
         "before": plain(row.get("before"), 4),
         "after": plain(row.get("after"), 4),
-        "unit": param.unit if param else "",
+        "unit": effect_words.unit(param.unit) if param else "",
     }
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from vispeg.core.effect import REGISTRY
 from vispeg.diagnosis.scale import times
 from vispeg.report.record import label, rows
-from vispeg.report.text import joint_errors
+from vispeg.report.text import effect_words, joint_errors
 from vispeg.report.text.effect_words import named as named_effect
 from vispeg.report.text.effect_words import sized
 from vispeg.report.text.quantities import fold, number, quantity, scaled
@@ -114,7 +114,7 @@ def drifted(drift: Sequence[Mapping[str, Any]]) -> list[str]:
 def spread(name: str, ends: Mapping[str, Any], unit: str) -> str:
     """Return a value with its name, unit and interval."""
     value, around, shown = scaled(ends["value"], ends["low"], ends["high"], unit)
-    return " ".join(part for part in (name, value, shown, f"({around})") if part)
+    return " ".join(part for part in (name, value, effect_words.unit(shown), f"({around})") if part)
 
 
 def diverged(values: Mapping[str, Any]) -> list[str]:
@@ -278,6 +278,8 @@ def onward(values: Mapping[str, Any]) -> str:
     if not isinstance(following, dict) or not (following.get("motion") or following.get("why")):
         if values.get("verdict") == "unexplained":
             return "No known effect explains the residual, so no motion can be proposed that would show its cause."
+        if values.get("verdict") == "ambiguous":
+            return "These recordings cannot tell which, and no motion is proposed that would: record another one."
         return (
             "No rivals are left to distinguish. A recording of another motion would show whether the model holds there "
             "too."

@@ -12,6 +12,7 @@ from vispeg.api.inputs import read_model
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import command_line
 from vispeg.recordings.cell import OPEN_CELL
+from vispeg.report.text import words
 from vispeg.robots.model import available
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
@@ -361,20 +362,12 @@ class StudyPage(Page):
         return None if self.written_to is None or not (self.written_to / name).is_file() else self.written_to / name
 
     def _reported(self, folder: Path) -> None:
-        """Offer the report, and the next motion if there is one, with the reason for it."""
+        """Offer the report, and say what to record next."""
         self.written_to = folder
         record = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
-        following = record.get("next_experiment") or {}
         self.motion.visible = self._result("next_experiment/samples.csv") is not None
         self.page.visible = self._result("report.html") is not None
-        text = f"{folder} is written. Verdict: {record['verdict']}. "
-        why = following.get("why")
-        motion = following.get("motion") or "none of the menu"
-        text += (
-            f"Next motion: {motion}; it {why}."
-            if why
-            else "No further motion is needed: nothing is left to tell apart."
-        )
+        text = f"{folder} is written. Verdict: {record['verdict']}. {words.onward(record)}"
         self.written.content = html.note(text)
 
     def _stand(self, standing: Standing) -> None:
