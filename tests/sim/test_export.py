@@ -28,9 +28,9 @@ Q0 = np.array([0.1, 0.5, -0.2, -1.2, 0.3, 0.9, 0.0])
 
 def written(world, folder):
     made = to_mjcf(world)
-    for name, file in made.meshes.items():
+    for name, content in made.meshes.items():
         (folder / name).parent.mkdir(exist_ok=True)
-        (folder / name).write_bytes(file.read_bytes())
+        (folder / name).write_bytes(content)
     (folder / "arm.xml").write_text(made.xml)
     return mujoco.MjModel.from_xml_path(str(folder / "arm.xml")), made
 

@@ -1,5 +1,7 @@
 """An exported URDF has the dynamics of the model that it comes from, and says what it could not hold."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -25,9 +27,9 @@ OFFSET = """
 
 
 def read(made, folder):
-    for name, file in made.meshes.items():
+    for name, content in made.meshes.items():
         (folder / name).parent.mkdir(exist_ok=True)
-        (folder / name).write_bytes(file.read_bytes())
+        (folder / name).write_bytes(content)
     (folder / "arm.urdf").write_text(made.xml)
     return mujoco.MjModel.from_xml_path(str(folder / "arm.urdf"))
 
@@ -82,6 +84,42 @@ def test_joints_beside_the_bodys_origin_and_turned_bodies(tmp_path):
     (tmp_path / "arm.xml").write_text(OFFSET)
     made = same_dynamics(World(str(tmp_path / "arm.xml")), tmp_path)
     assert 'lower="-2" upper="1"' in made.xml and 'type="continuous"' in made.xml
+
+
+def test_a_pose_that_a_file_states_at_another_angle_than_zero(tmp_path):
+    """Bodies lie in the URDF where they do in the file, at any angles."""
+    text = OFFSET.replace('range="-2 1"', 'range="-2 1" ref="0.7"').replace('name="j2"', 'name="j2" ref="-0.4"')
+    (tmp_path / "arm.xml").write_text(text)
+    made = same_dynamics(World(str(tmp_path / "arm.xml")), tmp_path)
+    middles = []
+    for model in (read(made, tmp_path), mujoco.MjModel.from_xml_string(text)):
+        data = mujoco.MjData(model)
+        data.qpos[:] = 0.3, -1.1
+        mujoco.mj_kinematics(model, data)
+        middles.append(data.xipos[-2:].copy())
+    assert np.allclose(*middles, atol=1e-6), "m"
+
+
+SHAPES = """<mujoco><asset><mesh name="wedge" vertex="0 0 0 .1 0 0 0 .2 0 0 0 .3 .02 .03 .04"/></asset>
+  <worldbody><body name="a"><joint name="j" axis="0 1 0" pos="0 0 .1"/><geom type="box" size=".1 .2 .3" euler="0 0 30"/>
+  <geom type="cylinder" size=".02" fromto="0 0 0 .3 0 .4"/>
+  <geom type="mesh" mesh="wedge" pos=".1 0 0" euler="0 40 0"/><site name="flange"/></body></worldbody></mujoco>"""
+
+
+def test_shapes_lie_where_the_file_has_them_however_it_states_them(tmp_path):
+    """Middles and extents: of a box turned by angles, a cylinder between two points, and a mesh without a file."""
+    (tmp_path / "arm.xml").write_text(SHAPES)
+    made = to_urdf(World(str(tmp_path / "arm.xml")))
+    assert [*made.meshes] == ["meshes/wedge.stl"]
+    keep = '<mujoco><compiler discardvisual="false" strippath="false"/></mujoco>'
+    made = replace(made, xml=made.xml.replace('<robot name="arm">', f'<robot name="arm">{keep}'))
+    found = []
+    for model in (read(made, tmp_path), mujoco.MjModel.from_xml_string(SHAPES)):
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        halves = np.abs(data.geom_xmat.reshape(-1, 3, 3)) @ model.geom_aabb[:, 3:, None]
+        found.append(np.hstack([data.geom_xpos, halves[:, :, 0]]))
+    assert np.allclose(*found, atol=1e-6), "m"
 
 
 def test_what_urdf_cannot_say_is_named_and_two_joints_in_a_body_are_refused(tmp_path):

@@ -57,20 +57,19 @@ class Exported:
         xml: the text; the files that it reads are named relative to its folder.
         native: effects that the text expresses.
         left_out: effects for which MuJoCo has no element.
-        meshes: by its name in the text, the file to copy there: of a mesh, a height field, a skin or a texture.
+        meshes: by its name in the text, the content of the file of a mesh, a height field, a skin or a texture.
     """
 
     xml: str
     native: tuple[EffectInstance, ...]
     left_out: tuple[EffectInstance, ...]
-    meshes: dict[str, Path]
+    meshes: dict[str, bytes]
 
 
 def compiled_with(world: World, robot: RobotModel | None = None) -> tuple[mujoco.MjModel, tuple[EffectInstance, ...]]:
     """Compile a model with its native effects; also return the effects left out, see `to_mjcf`."""
     made = to_mjcf(world, "meshes", robot)
-    assets = {name: file.read_bytes() for name, file in made.meshes.items()}
-    return mujoco.MjModel.from_xml_string(made.xml, assets), made.left_out
+    return mujoco.MjModel.from_xml_string(made.xml, made.meshes), made.left_out
 
 
 def to_mjcf(world: World, meshes: str = "meshes", robot: RobotModel | None = None, step: float = STEP) -> Exported:
@@ -192,14 +191,14 @@ def _motors(spec: mujoco.MjSpec, robot: RobotModel, active: Mapping[str, Active]
             motor.forcerange = (bias[j] - limit[j], bias[j] + limit[j])
 
 
-def _beside(spec: mujoco.MjSpec, folder: str) -> dict[str, Path]:
-    """Let a spec read meshes, height fields, skins and textures from a folder; return {name in the text: file}."""
+def _beside(spec: mujoco.MjSpec, folder: str) -> dict[str, bytes]:
+    """Let a spec read meshes, height fields, skins and textures from a folder; return {name in the text: content}."""
     home, meshes, textures = Path(spec.modelfiledir or "."), spec.meshdir or "", spec.texturedir or ""
-    files: dict[str, Path] = {}
+    files: dict[str, bytes] = {}
 
     def placed(prefix: str, name: str, file: Path) -> str:
         at = f"{folder}/{prefix}{name or file.stem}{file.suffix}"
-        files[at] = file
+        files[at] = file.read_bytes()
         return at
 
     for group, base, prefix in (
@@ -216,7 +215,7 @@ def _beside(spec: mujoco.MjSpec, folder: str) -> dict[str, Path]:
             if file:
                 texture.cubefiles[side] = placed("texture-", f"{texture.name}{side}", home / textures / file)
     spec.meshdir = spec.texturedir = ""
-    spec.assets = {**spec.assets, **{name: file.read_bytes() for name, file in files.items()}}
+    spec.assets = {**spec.assets, **files}
     return files
 
 

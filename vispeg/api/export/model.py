@@ -111,7 +111,7 @@ def export_model(
     apart(path, (world.robot,) if isinstance(model, World) else (model, world.robot))
     beside = f"{path.stem}-meshes"
     made = _whole(world, beside) if to == "mjcf" else to_urdf(world, beside)
-    meshes = {path.parent / name: file.read_bytes() for name, file in made.meshes.items()}
+    meshes = {path.parent / name: content for name, content in made.meshes.items()}
     if path.exists() and not overwrite:
         raise UserError("exists already; name another or pass --overwrite", file=path)
     write_files_atomic({**meshes, path: made.xml.encode()}, overwrite=overwrite)

@@ -9,6 +9,7 @@ from xml.etree import ElementTree as xml
 
 import mujoco
 import numpy as np
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from vispeg.core.effect import EffectInstance, effect
@@ -38,14 +39,14 @@ class Urdf:
         native: effects that are included.
         left_out: effects that URDF has no element for.
         rotors: joint -> rotor inertia of the model, kg m2, which URDF has no element for.
-        meshes: path in the text -> mesh file to copy there.
+        meshes: path in the text -> content of the mesh file.
     """
 
     xml: str
     native: tuple[EffectInstance, ...]
     left_out: tuple[EffectInstance, ...]
     rotors: Mapping[str, float]
-    meshes: Mapping[str, Path]
+    meshes: Mapping[str, bytes]
 
 
 def fits(placed: EffectInstance) -> bool:
@@ -67,14 +68,15 @@ def to_urdf(world: World, meshes: str = "meshes") -> Urdf:
     robot = load(world.robot, tool=world.tool)
     native = tuple(e for e in world.effects if fits(e))
     model, _ = compiled_with(World(world.robot, world.tool, native))
-    spec, files = robot.spec(), dict[str, Path]()
+    spec, files = robot.spec(), dict[str, bytes]()
+    plain = spec.compile()  # gives the spec's elements their ids
     root, shift = xml.Element("robot", name=Path(world.robot).stem), _anchors(model)
     for b in range(model.nbody):
         link = xml.SubElement(root, "link", name=_name(model, b))
         if model.body_mass[b] > 0:
             _inertial(link, model, b, shift[b])
         if b:
-            _shapes(link, spec, model.body(b).name, shift[b], meshes, files)
+            _shapes(link, spec, plain, model.body(b).name, shift[b], meshes, files)
     for b in range(1, model.nbody):
         _joint(root, model, robot, b, shift)
     left_out = tuple(e for e in world.effects if e not in native)
@@ -124,29 +126,61 @@ def _inertial(link: xml.Element, model: mujoco.MjModel, b: int, shift: np.ndarra
 
 
 def _shapes(
-    link: xml.Element, spec: mujoco.MjSpec, body: str, shift: np.ndarray, meshes: str, files: dict[str, Path]
+    link: xml.Element,
+    spec: mujoco.MjSpec,
+    model: mujoco.MjModel,
+    body: str,
+    shift: np.ndarray,
+    meshes: str,
+    files: dict[str, bytes],
 ) -> None:
-    """Add the visual shapes of the robot's file that URDF supports, and collect mesh files in `files`."""
-    base = Path(spec.modelfiledir or ".") / (spec.meshdir or "")
+    """Add the visual shapes of the robot's file that URDF supports, and collect mesh files in `files`.
+
+    Sizes and poses are those of the compiled `model` of `spec`, since a file may state them in several ways.
+    """
     for geom in spec.body(body).geoms:
-        shape, size = xml.Element("geometry"), geom.size
-        if geom.type == G.mjGEOM_MESH:
-            mesh = spec.mesh(geom.meshname)
-            file = base / mesh.file
-            name = f"{meshes}/{mesh.name or file.stem}{file.suffix}"
-            files[name] = file
-            xml.SubElement(shape, "mesh", filename=name, scale=_numbers(mesh.scale))
-        elif geom.type == G.mjGEOM_BOX:
+        kind, size = model.geom_type[geom.id], model.geom_size[geom.id]
+        shape, pos, quat = xml.Element("geometry"), model.geom_pos[geom.id], model.geom_quat[geom.id]
+        if kind == G.mjGEOM_MESH:
+            name, content, scale, place = _mesh(spec, model, spec.mesh(geom.meshname))
+            files[f"{meshes}/{name}"] = content
+            xml.SubElement(shape, "mesh", filename=f"{meshes}/{name}", scale=_numbers(scale))
+            turn = Rotation.from_quat(quat, scalar_first=True) * place[1]
+            pos, quat = pos + turn.apply(place[0]), turn.as_quat(scalar_first=True)
+        elif kind == G.mjGEOM_BOX:
             xml.SubElement(shape, "box", size=_numbers(2 * size))
-        elif geom.type == G.mjGEOM_SPHERE:
+        elif kind == G.mjGEOM_SPHERE:
             xml.SubElement(shape, "sphere", radius=f"{size[0]:.12g}")
-        elif geom.type == G.mjGEOM_CYLINDER:
+        elif kind == G.mjGEOM_CYLINDER:
             xml.SubElement(shape, "cylinder", radius=f"{size[0]:.12g}", length=f"{2 * size[1]:.12g}")
         else:
             continue
         visual = xml.SubElement(link, "visual")
-        _origin(visual, geom.pos - shift, geom.quat)
+        _origin(visual, pos - shift, quat)
         visual.append(shape)
+
+
+def _mesh(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, mesh: mujoco.MjsMesh
+) -> tuple[str, bytes, np.ndarray, tuple[np.ndarray, Rotation]]:
+    """Return a mesh's file name, its content, its scale (3,), and the pose of the file's frame in the compiled one.
+
+    The compiler moves a mesh to its centre of mass and principal axes. A mesh without a file is written as compiled.
+    """
+    if mesh.file:
+        file = Path(spec.modelfiledir or ".") / (spec.meshdir or "") / mesh.file
+        back = Rotation.from_quat(model.mesh_quat[mesh.id], scalar_first=True).inv()
+        place = back.apply(-model.mesh_pos[mesh.id]), back
+        return f"{mesh.name or file.stem}{file.suffix}", file.read_bytes(), mesh.scale, place
+    vertices, faces = (
+        getattr(model, f"mesh_{what}")[start : start + number]
+        for what, start, number in (
+            ("vert", model.mesh_vertadr[mesh.id], model.mesh_vertnum[mesh.id]),
+            ("face", model.mesh_faceadr[mesh.id], model.mesh_facenum[mesh.id]),
+        )
+    )
+    content = trimesh.Trimesh(vertices, faces, process=False).export(file_type="stl")
+    return f"{mesh.name}.stl", content, np.ones(3), (np.zeros(3), Rotation.identity())
 
 
 def _joint(root: xml.Element, model: mujoco.MjModel, robot: RobotModel, b: int, shift: np.ndarray) -> None:
@@ -157,8 +191,11 @@ def _joint(root: xml.Element, model: mujoco.MjModel, robot: RobotModel, b: int, 
     name = model.joint(moved[0]).name if moved else f"{_name(model, b)}_fixed"
     kind = "continuous" if kind == "revolute" and not limited else kind
     joint = xml.SubElement(root, "joint", name=name, type=kind)
-    turned = Rotation.from_quat(model.body_quat[b], scalar_first=True).apply(shift[b])
-    _origin(joint, model.body_pos[b] + turned - shift[parent], model.body_quat[b])
+    turn = Rotation.from_quat(model.body_quat[b], scalar_first=True)
+    anchor = model.body_pos[b] + turn.apply(shift[b]) - shift[parent]
+    for j in moved:  # the pose of the file holds at the joint's reference, that of a URDF at 0
+        turn *= Rotation.from_rotvec(-model.qpos0[model.jnt_qposadr[j]] * model.jnt_axis[j])
+    _origin(joint, anchor, turn.as_quat(scalar_first=True))
     xml.SubElement(joint, "parent", link=_name(model, parent))
     xml.SubElement(joint, "child", link=_name(model, b))
     if not moved:
