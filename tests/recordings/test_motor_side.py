@@ -231,3 +231,27 @@ def test_two_gears_in_one_arm_are_told_apart(tmp_path, arm):
     assert guessed.record["motors"] == {"lift_joint": "1/8", "elbow_joint": "1/30"}
     np.testing.assert_allclose(rec.q, Q, atol=1e-9)
     np.testing.assert_allclose(rec.tau, GIVEN, atol=1e-9)
+
+
+RPM = 30 / np.pi
+SPLIT = {"sec": np.floor(TIME), "nsec": np.round(1e9 * (TIME % 1.0))}
+
+
+@pytest.mark.parametrize(
+    ("clock", "angle", "speed", "gear"),
+    [
+        ({"time": TIME}, ("deg", np.degrees(1)), ("rpm", RPM), 8.0),
+        ({"time": TIME}, ("deg", np.degrees(1)), ("rad/s", 1.0), 8.0),
+        ({"time": TIME}, ("rad", 1.0), ("rpm", RPM), 1.0),
+        (SPLIT, ("rad", 1.0), ("rad/s", 1.0), 1.0),
+    ],
+    ids=["motor deg, rpm", "motor deg, rad/s", "joint rpm", "joint, split time"],
+)
+def test_a_speed_is_told_to_be_the_motors_or_the_joints_in_any_unit(clock, angle, speed, gear, tmp_path, arm):
+    """Angles of motors with a gear of eight; speeds of the motors or of the joints."""
+    columns = {f"q_{j} [{angle[0]}]": Q[:, j] * 8.0 * angle[1] for j in range(4)}
+    columns |= {f"dq_{j} [{speed[0]}]": DQ[:, j] * gear * speed[1] for j in range(4)}
+    file = table(tmp_path / "log.csv", clock | columns | numbered("tau", GIVEN / 8.0))
+    rec, _ = taken(file, arm, tmp_path / "rig", torque_sensor="motor")
+    np.testing.assert_allclose(rec.q, Q, atol=1e-5)
+    np.testing.assert_allclose(rec.dq, DQ, atol=1e-5)

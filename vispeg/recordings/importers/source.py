@@ -71,15 +71,19 @@ def read_source(
         progress: called with the share of a table that has been read.
 
     Raises:
-        UserError: not a supported log; topics or images for another kind of log; errors of the importers.
+        UserError: not a supported log; topics or images for another kind of log; with `limits`, a joint that the robot
+            does not have; errors of the importers.
     """
     if torque_sensor is not None:
         mapping = replace(mapping, recording={**mapping.recording, "torque_sensor": torque_sensor})
     header = {"torque_sensor": mapping.recording.get("torque_sensor", "none")}
     topics = topics or Topics()
     rec = _read(source, robot, joints, mapping, topics, cameras, scratch, progress, header)
-    if limits is None or not set(rec.joints) <= set(joints):
+    if limits is None:
         return rec
+    for joint in rec.joints:
+        if joint not in joints:
+            raise UserError("the robot has no such joint", file=source, key="joints", got=joint, choices=joints)
     order = [list(joints).index(joint) for joint in rec.joints]
     return turned(rec, Limits(limits.range[order], limits.velocity[order], limits.torque[order]), source)
 

@@ -13,7 +13,7 @@ from vispeg.core.errors import UserError
 from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.importers.fits import TORQUE, Needs
 from vispeg.recordings.importers.guess import words
-from vispeg.recordings.importers.guess.propose import Proposal
+from vispeg.recordings.importers.guess.propose import Line, Proposal, seconds
 from vispeg.recordings.importers.mapping import FACTORS, Source, map_from
 from vispeg.recordings.importers.ratios import Ratio, ratios
 from vispeg.recordings.importers.slopes import TOGETHER, slope
@@ -130,7 +130,7 @@ def _apply(out: Proposal, table: Table, joint: str, ratio: Ratio) -> None:
     angle = columns["q"]
     motor = {"q"}
     for signal in {"dq", "q_cmd", "dq_cmd"} & set(columns):
-        if _of_motor(table, out, angle.column, columns[signal].column, signal, value):
+        if _of_motor(table, out, angle, columns[signal], value):
             motor.add(signal)
     size = abs(ratio.torque)
     torque = not out.current and 1 / TORQUE < size / value < TORQUE
@@ -150,20 +150,16 @@ def _apply(out: Proposal, table: Table, joint: str, ratio: Ratio) -> None:
         )
 
 
-def _of_motor(table: Table, out: Proposal, angle: str, column: str, signal: str, value: float) -> bool:
-    """Test whether a joint's speed, torque or command is on the motor side, as its angle is."""
-    measured, other = table.columns[angle], table.columns[column]
+def _of_motor(table: Table, out: Proposal, angle: Line, other: Line, value: float) -> bool:
+    """Test whether a joint's speed or commanded angle, of the line `other`, is on the motor side, as its angle is."""
+    measured, values = (table.columns[line.column] * FACTORS[line.unit] for line in (angle, other))
+    signal = other.target.partition(".")[0]
     if signal == "dq":
-        time = next(line for line in out.lines if line.target == "time")
-        period = 1.0 if time.rate_hz is not None or not time.column else FACTORS[time.unit]
-        clock = (
-            np.arange(table.rows) / (time.rate_hz or 1.0) if not time.column else table.columns[time.column] * period
-        )
-        step = np.diff(clock)
+        step = np.diff(seconds(table, next(line for line in out.lines if line.target == "time")))
         good = step > 0
-        ratio = slope(np.diff(measured)[good] / step[good], other[1:][good], TOGETHER)
+        ratio = slope(np.diff(measured)[good] / step[good], values[1:][good], TOGETHER)
     elif signal == "q_cmd":
-        ratio = slope(measured, other, TOGETHER)
+        ratio = slope(measured, values, TOGETHER)
     else:
         return True
     return ratio is None or abs(math.log(ratio)) < abs(math.log(ratio / value))

@@ -178,11 +178,11 @@ def propose(
     speeds = {s: _speeds(columns[s]) for s in ("dq", "dq_cmd") if s in placed}
     time = _time(table, meanings, stacks, units, selected, speeds.get("dq", ()), out, rate_hz)
     out.lines.append(time)
-    seconds = _seconds(table, time)
+    clock = seconds(table, time)
     for signal, some in speeds.items():
         angle = "q_cmd" if signal == "dq_cmd" and "q_cmd" in placed else "q"
         q = stacks[angle] * FACTORS[units[angle][0]]
-        units[signal] = values.speed_unit(seconds, q, stacks[signal], units[signal], some)
+        units[signal] = values.speed_unit(clock, q, stacks[signal], units[signal], some)
     episode = next((m.name for m in meanings if m.quantity == "episode" and m.name in table.columns), None)
     if episode is not None and values.all_integers(table.columns[episode]):
         out.lines.append(Line("episode", episode, "", "its name says that it counts runs", "stated"))
@@ -304,12 +304,12 @@ def _rows(table: Table, out: Proposal, time: Line) -> list[str]:
     return out_rows
 
 
-def _seconds(table: Table, time: Line) -> np.ndarray:
+def seconds(table: Table, time: Line) -> np.ndarray:
     """Compute the time (n,) in s from the map line of the time."""
     if time.rate_hz is not None:
         return np.arange(table.rows) / time.rate_hz
-    seconds = table.columns[time.column] * FACTORS[time.unit]
-    return seconds if time.plus is None else seconds + table.columns[time.plus[0]] * FACTORS[time.plus[1]]
+    whole = table.columns[time.column] * FACTORS[time.unit]
+    return whole if time.plus is None else whole + table.columns[time.plus[0]] * FACTORS[time.plus[1]]
 
 
 def _servo(stacks: dict[str, np.ndarray], units: Mapping[str, tuple[str, str]], out: Proposal) -> None:
