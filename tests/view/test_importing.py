@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from logged import STYLES, TAU, TIME, Q, numbered, write_table
 
+from vispeg.api.recording.convert import convert
 from vispeg.api.recording.guess import propose
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
+from vispeg.recordings.importers.mapping import FACTORS
 from vispeg.recordings.load import load
-from vispeg.view.importing import Importer
+from vispeg.view.importing import Importer, Proposed
 
 
 def last(heard, name):
@@ -164,3 +166,20 @@ def test_what_the_page_states_is_in_the_recording_and_can_be_compared(page, tmp_
     made.kd.value = "2"
     wrote(made, written)
     assert list(load(written[-1]).control.kd) == [2] * 7
+
+
+def test_every_unit_that_may_be_proposed_can_be_chosen(page):
+    made, _ = page
+    for unit in FACTORS:
+        made._offered(Proposed((), {"signal": unit}, {}, ()))
+        assert made.units["signal"].value == unit and set(made.units["signal"].options) <= set(FACTORS)
+
+
+def test_an_archive_of_a_robot_with_other_joints_is_refused_in_a_line(tmp_path):
+    names = [f"A{j}" for j in range(1, 8)]
+    np.savez(tmp_path / "log.npz", time=TIME, q=Q, joints=names)
+    with pytest.raises(UserError, match="log.npz: joints: the robot has no such joint.*A1") as said:
+        Importer(lambda name, value: None).propose(tmp_path / "log.npz", "iiwa14")
+    with pytest.raises(UserError) as again:
+        convert(tmp_path / "log.npz", "iiwa14", tmp_path / "rig")
+    assert str(said.value) == str(again.value)

@@ -10,6 +10,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import command_line
+from vispeg.recordings.importers.mapping import QUANTITIES
 from vispeg.recordings.importers.rosbag import Topics
 from vispeg.view import html
 from vispeg.view.around import TABLES, named
@@ -18,8 +19,6 @@ from vispeg.view.importing import WHERE, Importer, Look, Proposed, map_file
 from vispeg.view.job import Job
 from vispeg.view.place import Page, Place
 
-KINDS = (("s", "ms", "us", "ns"), ("rad", "mrad", "deg", "mdeg", "turn", "tick"), ("rad/s", "deg/s", "rpm"))
-KINDS += (("m", "mm"), ("N m", "Nm", "mNm", "N cm", "kg cm", "N"))
 SI = {"q": "rad", "q_cmd": "rad", "dq": "rad/s", "dq_cmd": "rad/s", "tau": "N m", "tau_cmd": "N m"}
 COLOURS = ("#1f6fb4", "#d9541e", "#2a9d60", "#a2456b", "#b0892b", "#5b4bb7", "#0a7a75", "#7a5230")
 STATED = {words: value for value, words in WHERE.items()}
@@ -200,7 +199,7 @@ class ImportPage(Page):
         self.units = {}
         with self.chosen:
             for signal, unit in proposed.units.items():
-                kinds = next(kind for kind in KINDS if unit in kind)
+                kinds = next(tuple(quantity) for quantity in QUANTITIES if unit in quantity)
                 choice = self.place.gui.add_dropdown(signal, kinds, initial_value=unit)
                 choice.on_update(lambda _: self._again())
                 self.units[signal] = choice
