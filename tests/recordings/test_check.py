@@ -25,6 +25,8 @@ from vispeg.recordings.importers import fits
 from vispeg.recordings.noise import highpass_sigma, noise_from_repeats
 from vispeg.recordings.recording import Control
 from vispeg.recordings.write import write
+from vispeg.robots.model import load_for
+from vispeg.sim.units import check_units, needs_of
 
 RATE = 500.0
 
@@ -309,3 +311,17 @@ def test_a_joint_that_the_robot_does_not_have(tmp_path):
     folder = write(moving(joints=("joint1", "joint9")), tmp_path / "rig")
     with pytest.raises(UserError, match="joint9.*choices: joint1"):
         typed("check", folder)
+
+
+def test_check_says_what_a_comparison_refuses_where_the_log_lacks_joints(tmp_path):
+    """Torques by the model's own inverse dynamics, the other joints at rest, in mN m taken for N m."""
+    rec = moving(3000, joints=("joint1", "joint2"))
+    rate = np.gradient(rec.q_cmd, rec.time, axis=0)
+    needs = needs_of(load_for(rec.joints, rec.robot), rec)
+    tau = 1e3 * needs(rec.q_cmd, rate, np.gradient(rate, rec.time, axis=0))
+    rec = replace(rec, tau=tau)
+    with pytest.raises(UserError, match="tau") as refused:
+        check_units(rec)
+    write(rec, tmp_path / "rec")
+    warned = vispeg.check(tmp_path / "rec").reports[0].warnings
+    assert any("tau" in line and "a unit is wrong" in line for line in warned), (refused.value, warned)

@@ -34,6 +34,7 @@ from vispeg.report.checked.page import render
 from vispeg.report.checked.tables import camera_blocks, recording_blocks
 from vispeg.report.text.summary import Block, Line
 from vispeg.robots.model import load as load_robot
+from vispeg.robots.model import load_for
 from vispeg.robots.scene import Scene
 from vispeg.sim.units import needs_of
 from vispeg.task.belief import scene_of
@@ -184,7 +185,7 @@ def _examined(paths: Sequence[Path], drawn: bool, watch: Watch) -> Checks:
 def _needs(rec: Recording) -> Needs | None:
     """Return the torques needed by the robot with the recording's tool and tilt; None if these cannot be read."""
     try:
-        return needs_of(load_robot(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt), rec)
+        return needs_of(load_for(rec.joints, rec.robot, rec.tool, rec.base_tilt), rec)
     except UserError:
         return None
 
