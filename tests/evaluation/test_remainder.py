@@ -39,6 +39,8 @@ def test_the_identified_world_stands_still_and_the_other_takes_in_the_intervals_
 def test_whatever_a_diagnosis_can_name_in_the_arm_has_its_place_in_the_cell(tmp_path):
     arm = load("iiwa14")
     for name, kind in searchable().items():
+        if kind.channels() == {"servo", "load"}:  # the cell's arm is sent torques
+            continue
         for where in kind.targets(arm)[:1]:
             placed = EffectInstance.of(name, where, **{m: kind.params[m].start for m in kind.magnitudes})
             fixed, _ = settings(load_world("nominal"), World("iiwa14").add(placed), [], tmp_path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,19 @@ import pytest
 import trimesh
 import yaml
 
-from vispeg.core.effect import effect
+from vispeg.api.fit_paper import PaperFit
+from vispeg.api.inputs import read_model
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
+from vispeg.robots.model import load
 from vispeg.robots.scene import build
+from vispeg.sim.export import to_mjcf
 from vispeg.sim.placement import activate
 from vispeg.task.registry import config_of
 from vispeg.task.world_file import LATER, built_in, load_world, world_hash, world_text
 from vispeg.worlds.distribution import Normal, Uniform
+from vispeg.worlds.measurement_file import Measurement, Quantity, measurement_text
+from vispeg.worlds.world import World
 
 SCENE = build()
 FRICTION = {"effect": "contact_friction", "where": "peg", "params": {"scale": {"uniform": [0.5, 1.5]}}}
@@ -371,3 +378,41 @@ def test_a_model_is_widened_by_what_the_file_states(world, tmp_path):
     for stated, words in (({"widen": 1}, "model"), ({"file": "model.yaml", "wide": 1}, "widen")):
         with pytest.raises(UserError, match=words):
             load_world(world("wrong", model=stated))
+
+
+@pytest.fixture
+def own(tmp_path):
+    """A folder with a user's own arm, a fit's folder with its model, and a world of both."""
+    (tmp_path / "rig").mkdir()
+    (tmp_path / "rig" / "arm.xml").write_text(to_mjcf(World("iiwa14")).xml)
+    write(tmp_path / "rig" / "w.yaml", name="mine", base="nominal", robot="arm.xml", model="out/model.yaml")
+    return tmp_path / "rig"
+
+
+def test_a_model_of_ones_own_arm_is_the_worlds_from_any_folder(own, monkeypatch):
+    """The fit names the robot as typed beside it; the world is then asked for from there and from elsewhere."""
+    found = World("arm.xml").add(EffectInstance.of("viscous_friction", "joint4", damping=1.0))
+    monkeypatch.chdir(own)
+    PaperFit({}, found, found.effects, {}).save("out")
+    measured = Measurement(
+        "friction", "joint4", (Quantity("a", 1.0, "1", 0.1, None, 2.0, 0.8, 1.2, "gum"),), found.effects
+    )
+    (own / "out" / "m.yaml").write_text(measurement_text(replace(measured, robot="../arm.xml")))
+    write(own / "m.yaml", name="measured", base="nominal", robot="arm.xml", model="out/m.yaml")
+    hashes = {load_world(name).hash for name in ("w.yaml", own / "w.yaml")}
+    load_world("m.yaml")
+    monkeypatch.chdir(own.parent)
+    assert {load_world(name).hash for name in ("rig/w.yaml", own / "w.yaml")} == hashes and len(hashes) == 1
+    load_world("rig/m.yaml")
+    model = read_model(str(own / "out" / "model.yaml"))
+    assert load(model.robot) is load(own / "arm.xml")
+
+
+def test_an_effect_of_servos_is_refused_as_an_entry_and_through_a_model(world, tmp_path):
+    entry = {"effect": "dead_band", "where": "joint2", "params": {"width": 0.01}}
+    (tmp_path / "m.yaml").write_text(
+        yaml.safe_dump({"format": "vispeg-model/1", "robot": "iiwa14", "effects": [entry]})
+    )
+    for data in ({"effects": [entry]}, {"model": "m.yaml"}):
+        with pytest.raises(UserError, match=r"effects\[0\].effect: .* would change nothing"):
+            load_world(world(name="n", base="nominal", **data))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,7 +9,6 @@ from pathlib import Path
 from vispeg.api.inputs import read_model
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
-from vispeg.core.files import write_text_atomic
 from vispeg.core.params import Value
 from vispeg.core.several import several
 from vispeg.render.cameras.model_camera import cameras_of
@@ -21,7 +19,7 @@ from vispeg.robots.scene import Scene
 from vispeg.task.belief import robot_of_world
 from vispeg.worlds.identified import constant, without_interval
 from vispeg.worlds.measurement_file import load_measurement
-from vispeg.worlds.model_file import load_model, model_text, placed_dict
+from vispeg.worlds.model_file import load_model, placed_dict, write_model
 from vispeg.worlds.words import completed, place, values
 from vispeg.worlds.world import World
 
@@ -99,9 +97,7 @@ def add(
     else:
         added = [_stated(name, where, several(settings), world, robot)]
     world = world.add(*added)
-    if Path(world.robot).suffix:  # a model file names its robot relative to itself
-        world = replace(world, robot=os.path.relpath(Path(world.robot).resolve(), path.resolve().parent))
-    write_text_atomic(path, model_text(world), overwrite=overwrite)
+    write_model(path, world, overwrite)
     return AddedEffects(path, world, added)
 
 

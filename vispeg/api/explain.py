@@ -42,7 +42,7 @@ from vispeg.task.registry import config_of
 from vispeg.task.world_file import BUILT_IN, WorldFile, load_world
 from vispeg.trials.trial import FILE, STEPS, Trial, read_trial
 from vispeg.trials.trial import folders as trials_in
-from vispeg.worlds.model_file import load_model
+from vispeg.worlds.model_file import load_model, write_model
 
 ASSUMED = (
     f"the arm's repeatability is assumed to be {senses.ASSUMED:g} mm; `robot: {{repeatability: M}}` in the world's file"
@@ -310,7 +310,7 @@ def _applied(
         return {"why": why, "command": _command("finetune", policy, world=base, starts=trials, out="tuned")}
     if model is None or not any(c["verdict"] == "different" for c in record["causes"]):
         return None
-    write_text_atomic(place / CORRECTED_MODEL, Path(model).read_text("utf-8"), overwrite=True)
+    write_model(place / CORRECTED_MODEL, load_model(model), overwrite=True)
     values = {"format": "vispeg-world/1", "about": f"what {trials.name} showed", "base": base, "model": CORRECTED_MODEL}
     write_text_atomic(place / CORRECTED, yaml.safe_dump(values, sort_keys=False), overwrite=True)
     load_world(place / CORRECTED)  # fail now if the world is invalid

@@ -33,7 +33,7 @@ from vispeg.report.text.summary import Block
 from vispeg.report.write import finite, write_fit
 from vispeg.robots.scene import Scene
 from vispeg.task.belief import robot_of_world
-from vispeg.worlds.model_file import model_text
+from vispeg.worlds.model_file import model_text, write_model
 from vispeg.worlds.words import parse
 from vispeg.worlds.world import World
 
@@ -89,7 +89,7 @@ class FitResult(Result, Traced):
 
     def _write(self, folder: Path) -> None:
         write_fit(folder, self.record, self.arrays)
-        (folder / "model.yaml").write_text(model_text(self.world), encoding="utf-8")
+        write_model(folder / "model.yaml", self.world)
 
 
 @one_blas_thread()

@@ -22,7 +22,7 @@ from vispeg.report.drawings.signature import signature_panels
 from vispeg.report.text.quantities import quantity
 from vispeg.report.text.summary import Block, Line
 from vispeg.report.write import finite, write_json
-from vispeg.worlds.model_file import model_text, placed_dict
+from vispeg.worlds.model_file import model_text, placed_dict, write_model
 from vispeg.worlds.world import World
 
 
@@ -80,7 +80,7 @@ class PaperFit(Result):
             title = f"{name}: flange in {len(lines['measured'])} sub-trajectories"
             signature_panels(title, time, panels, folder / f"paths-{name}.png")
         write_json(folder / "fit.json", dict(self.record))
-        (folder / "model.yaml").write_text(model_text(self.world), encoding="utf-8")
+        write_model(folder / "model.yaml", self.world)
 
 
 def fit_paper(

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from vispeg.report.build import write_report
-from vispeg.worlds.model_file import model_text
+from vispeg.worlds.model_file import write_model
 from vispeg.worlds.world import World
 
 
 def write_diagnosis(folder: Path, record: Mapping[str, object], world: World, arrays: Mapping[str, np.ndarray]) -> None:
     """Write `diagnosis.json`, `evidence.npz`, `model.yaml`, `report.html` and the next motion into an empty folder."""
     write_json(folder / "diagnosis.json", record)
-    (folder / "model.yaml").write_text(model_text(world), encoding="utf-8")
+    write_model(folder / "model.yaml", world)
     _write_arrays(folder / "evidence.npz", arrays)
     if "next/q_cmd" in arrays:
         _write_motion(folder / "next_experiment", arrays)

@@ -129,6 +129,17 @@ def load_for(
     return load(robot, tool, base_tilt, moved=tuple(joint for joint in whole.joints if joint in joints))
 
 
+def is_path(robot: str) -> bool:
+    """Return whether `robot` is a path of a robot's file, not a name."""
+    return Path(robot).suffix.lower() in SUFFIXES
+
+
+def same(robot: str, other: str) -> bool:
+    """Return whether two names or paths denote the same robot."""
+    paths = is_path(robot) and is_path(other)
+    return robot == other or (paths and Path(robot).expanduser().resolve() == Path(other).expanduser().resolve())
+
+
 def available() -> list[str]:
     """Return the names that `load` can find on this computer without a download."""
     return [BUILT_IN, *menagerie.available()]
@@ -229,4 +240,15 @@ def _file(robot: str) -> Path | None:
     return found
 
 
-__all__ = ["GRAVITY", "Limits", "RobotModel", "available", "check_name", "load", "load_for", "tilted"]
+__all__ = [
+    "GRAVITY",
+    "Limits",
+    "RobotModel",
+    "available",
+    "check_name",
+    "is_path",
+    "load",
+    "load_for",
+    "same",
+    "tilted",
+]

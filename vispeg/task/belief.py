@@ -17,12 +17,12 @@ from vispeg.recordings.recording import Recording
 from vispeg.robots.bench import bench, shows
 from vispeg.robots.declare import RobotConfig
 from vispeg.robots.declared import carried
-from vispeg.robots.model import RobotModel, load
+from vispeg.robots.model import RobotModel, load, same
 from vispeg.robots.scene import Scene
 from vispeg.task.config import TaskConfig
 from vispeg.task.registry import config_of, task_of
 from vispeg.task.world_file import load_world
-from vispeg.task.world_robot import declared, is_path
+from vispeg.task.world_robot import declared
 from vispeg.worlds.model_file import read_placed
 from vispeg.worlds.places import instances
 from vispeg.worlds.randomized import RandomizedWorld
@@ -82,7 +82,7 @@ def believed(cell: CellBelief | None, file: str | Path | None = None, robot: str
         scene = task_of(config).cell(config)
     except UserError as error:
         raise UserError(str(error), key="cell") from error
-    if robot is not None and not _same(robot, config.robot.model):
+    if robot is not None and not same(robot, config.robot.model):
         got, expected = config.robot.model, f"{robot}, or no robot in `cell`"
         raise UserError("the cell belongs to another robot", file=at, key="cell.robot", expected=expected, got=got)
     effects = [*fixed(world.world, scene), *_effects(cell.effects, scene, at)]
@@ -114,11 +114,6 @@ def scene_of(world: World, rec: Recording) -> Scene:
     if cell is None:
         return bench_of(world)
     return believed(cell, rec.path / "recording.yaml", world.robot).scene
-
-
-def _same(robot: str, other: str) -> bool:
-    """Return whether two names or paths denote the same robot."""
-    return robot == other or (is_path(robot) and is_path(other) and Path(robot).resolve() == Path(other).resolve())
 
 
 def fixed(world: RandomizedWorld, scene: Scene) -> list[EffectInstance]:

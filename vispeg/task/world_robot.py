@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.robots.declare import RobotConfig
-from vispeg.robots.model import SUFFIXES
+from vispeg.robots.model import is_path
 from vispeg.robots.resources import digest
 
 
@@ -42,8 +42,3 @@ def _beside(model: str, file: Path) -> str:
 def identity(model: str) -> str:
     """Return a robot's name, or the SHA-256 (hex) of its file with those it includes, the same in any folder."""
     return digest(model) if is_path(model) else model
-
-
-def is_path(model: str) -> bool:
-    """Return whether `model` is a path of a robot's file, not a built-in name."""
-    return Path(model).suffix.lower() in SUFFIXES

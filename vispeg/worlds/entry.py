@@ -37,9 +37,7 @@ def ranged(entry: Any, model: Any, file: Path, key: str) -> RandomizedEffect:
         if name not in KEYS:
             raise UserError("unknown key", file=file, key=f"{key}.{name}", got=name, choices=KEYS)
     kind = effect(entry.get("effect"), file=file, key=f"{key}.effect")
-    if kind.channels() == {"servo", "load"}:
-        expected = "an effect of an arm that is sent torques; a servo's loop takes angles"
-        raise UserError(f"{kind.name} would change nothing", file=file, key=f"{key}.effect", expected=expected)
+    refuse_servo(kind, file, f"{key}.effect")
     entries = entry.get("params") or {}
     if not isinstance(entries, Mapping):
         raise UserError("wrong params", file=file, key=f"{key}.params", expected="a mapping", got=entries)
@@ -67,6 +65,13 @@ def ranged(entry: Any, model: Any, file: Path, key: str) -> RandomizedEffect:
         rho=rho,
         chance=_number(entry.get("chance", 1.0), 0.0, 1.0, file, f"{key}.chance"),
     )
+
+
+def refuse_servo(kind: Effect, file: Path, key: str) -> None:
+    """Raise UserError, which names file and key, for an effect of servos: the arm of a world is sent torques."""
+    if kind.channels() == {"servo", "load"}:
+        expected = "an effect of an arm that is sent torques; a servo's loop takes angles"
+        raise UserError(f"{kind.name} would change nothing", file=file, key=key, expected=expected)
 
 
 def entry_dict(r: RandomizedEffect) -> Mapping[str, object]:

@@ -12,7 +12,9 @@ import numpy as np
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.notes import note
+from vispeg.robots.model import same
 from vispeg.worlds.distribution import Normal
+from vispeg.worlds.entry import refuse_servo
 from vispeg.worlds.measurement_file import is_measurement, load_measurement
 from vispeg.worlds.model_file import load_model
 from vispeg.worlds.randomized import RandomizedEffect
@@ -77,7 +79,7 @@ def ranges_of(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
         robot: name or path of the cell's arm.
 
     Raises:
-        UserError: the file cannot be used, or belongs to another robot.
+        UserError: the file cannot be used, belongs to another robot, or has an effect of servos.
     """
     path = stated.file
     if path.suffix.lower() not in (".yaml", ".yml"):
@@ -87,20 +89,20 @@ def ranges_of(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
     if is_measurement(path):
         return _measured(stated, robot)
     model = load_model(path)
-    if model.robot != robot:
+    if not same(model.robot, robot):
         raise UserError("a model of another robot", file=path, key="robot", expected=robot, got=model.robot)
-    return tuple(_ranged(placed, stated) for placed in model.effects)
+    return _all_ranged(model.effects, stated)
 
 
 def _measured(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
     """Return a range for each effect of a measurement file; see `ranges_of`."""
     path = stated.file
     measurement = load_measurement(path)
-    if measurement.robot not in (None, robot):
+    if measurement.robot is not None and not same(measurement.robot, robot):
         raise UserError("a measurement of another robot", file=path, key="robot", expected=robot, got=measurement.robot)
     if not measurement.effects:
         raise UserError("holds no effect", file=path, key="effects", expected="one or more")
-    return tuple(_ranged(placed, stated) for placed in measurement.effects)
+    return _all_ranged(measurement.effects, stated)
 
 
 def without_interval(placed: EffectInstance) -> list[str]:
@@ -122,6 +124,12 @@ def constant(placed: EffectInstance, names: Sequence[str]) -> str:
         f"{placed.label} has no interval for {', '.join(names)}: the same in every episode of a world; `low` and "
         "`high` in the file vary it, or `model: {file, widen: 0.3}` by a share of what is not 0"
     )
+
+
+def _all_ranged(effects: Sequence[EffectInstance], stated: Identified) -> tuple[RandomizedEffect, ...]:
+    for i, placed in enumerate(effects):
+        refuse_servo(effect(placed.effect), stated.file, f"effects[{i}].effect")
+    return tuple(_ranged(placed, stated) for placed in effects)
 
 
 def _ranged(placed: EffectInstance, stated: Identified) -> RandomizedEffect:

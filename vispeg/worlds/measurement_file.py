@@ -16,7 +16,7 @@ from vispeg.core.params import Value
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.typed import typed
 from vispeg.formats.yaml_data import read_yaml
-from vispeg.worlds.model_file import Plain, placed_dict, read_placed
+from vispeg.worlds.model_file import Plain, located, placed_dict, read_placed
 
 FORMAT = "vispeg-measurement/1"
 LEVEL = 0.95
@@ -141,6 +141,7 @@ def load_measurement(path: str | Path) -> Measurement:
     robot = data.get("robot")
     if robot is not None and (not isinstance(robot, str) or not robot):
         raise UserError("wrong robot", file=path, key="robot", expected="a name or a path", got=robot)
+    robot = robot and located(robot, Path(path))
     results = typed(tuple[Quantity, ...], data["results"], path, "results")
     if not results:
         raise UserError("is empty", file=path, key="results", expected="one result or more")

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict
 
@@ -11,6 +13,7 @@ import yaml
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
+from vispeg.core.files import write_text_atomic
 from vispeg.core.params import Param, Value
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import is_file
@@ -110,6 +113,11 @@ def _robot(data: Mapping[str, Any], belief: CellBelief | None, file: Path) -> st
     robot = data.get("robot", DEFAULT)
     if not isinstance(robot, str) or not robot:
         raise UserError("wrong robot", file=file, key="robot", expected="a name or a path", got=robot)
+    return located(robot, file)
+
+
+def located(robot: str, file: Path) -> str:
+    """Return a robot that a file names; if it names a file in or below its own folder, with the path to that."""
     beside = file.parent / robot
     return str(beside) if Path(robot).suffix and not Path(robot).is_absolute() and is_file(beside) else robot
 
@@ -213,6 +221,23 @@ def without_origin(placed: EffectInstance) -> PlacedRecord:
     out = placed_dict(placed)
     out.pop("origin", None)
     return out
+
+
+def named_from(world: World, folder: Path) -> World:
+    """Return the world as a model file in `folder` states it: with the robot's file named relative to the folder."""
+    if not (Path(world.robot).suffix and is_file(world.robot)):
+        return world
+    robot = Path(world.robot).expanduser().resolve()
+    return replace(world, robot=os.path.relpath(robot, folder.expanduser().resolve()))
+
+
+def write_model(path: Path, world: World, overwrite: bool = False) -> Path:
+    """Write a world's model file, which `load_model` reads in any working directory; return its path.
+
+    Raises:
+        UserError: `path` exists while `overwrite` is False, or cannot be written.
+    """
+    return write_text_atomic(path, model_text(named_from(world, path.parent)), overwrite=overwrite)
 
 
 def model_text(world: World) -> str:

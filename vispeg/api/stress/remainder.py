@@ -17,6 +17,7 @@ from vispeg.evaluation.jobs import Job, make_jobs, seeds_of
 from vispeg.evaluation.players import ready
 from vispeg.evaluation.schema.stress import RemainderCost
 from vispeg.evaluation.stress import remainder
+from vispeg.robots.model import same
 from vispeg.task.world_file import WorldFile, load_world
 from vispeg.worlds.world import World
 
@@ -51,7 +52,7 @@ class Price:
         check_numbers(episodes, 1)
         file = load_world(world)
         cell = file.world.base.robot
-        if model.robot != cell:
+        if not same(model.robot, cell):
             message = f"the policy's cell has another robot than the recordings: {file.name} has {cell}"
             raise UserError(message, key="--policy", expected=f"a model of {cell}, or --world", got=model.robot)
         return cls(tuple(ready(policies)), file, episodes)

@@ -20,7 +20,7 @@ from vispeg.evaluation.schema.stress import Priced
 from vispeg.evaluation.statistics import decide, difference, rate
 from vispeg.evaluation.table import rows
 from vispeg.task.world_file import FORMAT, WorldFile
-from vispeg.worlds.model_file import model_text
+from vispeg.worlds.model_file import write_model
 from vispeg.worlds.world import World
 
 IDENTIFIED, LEFT = "as identified", "with what is left"
@@ -38,7 +38,7 @@ def settings(base: WorldFile, identified: World, remainder: Sequence[Mapping[str
     Raises:
         UserError: the model is of another robot than the cell's, or has an effect that the cell has no place for.
     """
-    model = write_text_atomic(folder / "model.yaml", model_text(identified), overwrite=True)
+    model = write_model(folder / "model.yaml", identified, overwrite=True)
     most = effect("torque_noise").params["rms"].high
     noise = [
         {"effect": "torque_noise", "where": r["joint"], "params": {"rms": min(float(r["rms"]), most)}}

@@ -39,7 +39,7 @@ from vispeg.view.diagnose.subject import Steps
 from vispeg.view.diagnose.telling import key as key_of
 from vispeg.view.diagnose.telling import named, size, spelt, words
 from vispeg.vision.show import side_by_side
-from vispeg.worlds.model_file import model_text, placed_dict
+from vispeg.worlds.model_file import placed_dict, write_model
 from vispeg.worlds.world import World
 
 SHOWN = 12  # number of candidates shown
@@ -225,8 +225,7 @@ class Study:
         # effects that were partial in the given model stay so, because the remainder was not judged here
         partial = {e.label for e in self.world.effects if e.partial}
         effects = tuple(replace(e, partial=e.label in partial) for e in world.effects)
-        text = model_text(self._whole(replace(world, effects=effects)))
-        return str(write_text_atomic(file, text, overwrite=overwrite))
+        return str(write_model(file, self._whole(replace(world, effects=effects)), overwrite))
 
     def _whole(self, world: World) -> World:
         """Return this channel's world, completed with the cell and effects of the given model that it left out."""
