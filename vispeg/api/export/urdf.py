@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
+from trimesh.exchange.stl import export_stl
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
@@ -179,7 +180,7 @@ def _mesh(
             ("face", model.mesh_faceadr[mesh.id], model.mesh_facenum[mesh.id]),
         )
     )
-    content = trimesh.Trimesh(vertices, faces, process=False).export(file_type="stl")
+    content = export_stl(trimesh.Trimesh(vertices, faces, process=False))
     return f"{mesh.name}.stl", content, np.ones(3), (np.zeros(3), Rotation.identity())
 
 
