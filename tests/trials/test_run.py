@@ -187,6 +187,18 @@ def test_joints_of_another_arm_are_named_whatever_its_sensor(robot, acts_on):
         ran(six)
 
 
+@pytest.mark.parametrize("wrench", [None, np.zeros(3)])
+def test_a_driver_that_states_a_wrench_and_measures_none_is_refused(robot, wrench):
+    class Mute(Lockstep):
+        def read(self, cameras=()):
+            return replace(super().read(cameras), wrench=wrench)
+
+    mute = Mute.__new__(Mute)
+    mute.__dict__.update(robot.__dict__)
+    with pytest.raises(UserError, match="no wrench; expected six numbers"):
+        ran(mute)
+
+
 def test_late_commands_are_counted(robot):
     class Slow(Scripted):
         def act(self, obs):

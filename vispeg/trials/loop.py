@@ -299,6 +299,9 @@ class _Loop:
         if got != ((nj,), (nj,)):
             expected = f"{nj} angles and velocities, as {i.arm.robot} has"
             raise UserError("joints of another arm", key="--robot", expected=expected, got=got)
+        if self.tape.felt and (reading.wrench is None or np.shape(reading.wrench) != (6,)):
+            expected = "six numbers, or Connected(wrench=None) from `connect`"
+            raise UserError("no wrench", key="--robot", expected=expected, got=reading.wrench)
 
     def _begin(self, reading: Reading) -> None:
         self.first = reading
