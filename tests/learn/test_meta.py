@@ -87,6 +87,13 @@ def test_a_datasets_world_counts_as_one_that_was_learned_in(tmp_path):
     for name, said in ((INFO, {**info, "data_path": DATA}), (RENDER, {"format": RENDER_FILE.name, "plan": plan})):
         write_text_atomic(tmp_path / name, json.dumps(said))
     assert worlds(made_in(tmp_path)) == {"world_hashes": ["its"], "world_parts": parts("VNP")}
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("format: vispeg-world/1\nbase: VNP\n")
+    plan = {"world": str(mine), "world_hash": load_world(mine).hash}
+    write_text_atomic(tmp_path / RENDER, json.dumps({"format": RENDER_FILE.name, "plan": plan}), overwrite=True)
+    assert set(parts("VNP")) <= set(worlds(made_in(tmp_path))["world_parts"]), "those of a file of one's own"
+    mine.write_text("format: vispeg-world/1\nbase: nominal\n")
+    assert worlds(made_in(tmp_path))["world_parts"] == {}, "those of a file that has changed are unknown"
     (tmp_path / RENDER).unlink()
     assert worlds(made_in(tmp_path)) == worlds({}), "another's dataset does not say"
 

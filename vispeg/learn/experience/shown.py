@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from vispeg.render.image_kinds import DEPTH, GOAL_TOLD, camera_of, kind_of
 from vispeg.task.config import TaskConfig
 from vispeg.task.interface import interface_in
 from vispeg.task.terms import POLICY
+from vispeg.task.world_file import load_world, parts
 
 
 def feature_of(key: str, features: Container[str]) -> str:
@@ -142,9 +144,18 @@ def successes(data: Dataset) -> list[int]:
 
 
 def made_in(folder: str | Path) -> Origin:
-    """Return the dataset's world in the form of a policy's record; its entries are None where they are unknown."""
+    """Return the dataset's world in the form of a policy's record; its entries are None where they are unknown.
+
+    The parts of a user's own world are known while its file is as it was.
+    """
     plan = Dataset(split(str(folder))[0], theirs=True).made.get("plan") or {}
-    return {"world": plan.get("world"), "world_hash": plan.get("world_hash")}
+    world, known = plan.get("world"), plan.get("world_hash")
+    origin: Origin = {"world": world, "world_hash": known}
+    if world:
+        with suppress(UserError):  # the file is elsewhere, or no world any more
+            if load_world(world).hash == known:
+                origin["world_parts"] = parts(world)
+    return origin
 
 
 def _channels_first(key: str, value: np.ndarray) -> np.ndarray:
