@@ -7,6 +7,7 @@ import sys
 import gymnasium as gym
 import numpy as np
 import pytest
+import yaml
 
 import vispeg
 from vispeg.api.export.policy import export_policy
@@ -26,6 +27,8 @@ from vispeg.learn.shipped import policy_folder
 from vispeg.task.environments.vector import TaskVec
 from vispeg.task.scripted import Scripted
 from vispeg.task.world_file import load_world
+from vispeg.trials.trial import FILE, NAME, PolicyPart, read_said
+from vispeg.trials.trial import _example as example
 
 CODE = """
 import numpy as np
@@ -208,6 +211,11 @@ def test_an_onnx_file_plays_what_the_network_in_it_plays(tmp_path, capsys, monke
     assert (other.name, other.modality, other.trained_on) == ("other", one.modality, one.trained_on)
     assert {k: other.task[k] for k in one.task} == dict(one.task)
     assert dict(other.parts) == dict(one.parts)
+    said = read_said(example(tmp_path))  # a robot's trial states the policy that was exported
+    tried = said.model_copy(update={"policy": PolicyPart(name="other", digest=one.digest)})
+    (tmp_path / "trial-0001" / FILE).write_text(yaml.safe_dump({"format": NAME, **tried.model_dump(exclude_none=True)}))
+    lost = vispeg.gap({"mine": "other.onnx"}, "nominal", episodes=1, controls="none", measured=tmp_path / "trial-0001")
+    assert {(row["policy"], row["world"]) for row in lost.record["success"]} == {("mine", "nominal"), ("mine", "robot")}
     (tmp_path / "broken.onnx").write_bytes(b"no model")
     assert main(["evaluate", "broken.onnx", "--world", "nominal", "--out", "o"]) == 2
     assert "broken.onnx: is not an ONNX model" in capsys.readouterr().err and not (tmp_path / "o").exists()

@@ -1,6 +1,7 @@
 """Trials as files: kept by an evaluation, read as recordings and as a robot's outcomes, begun with again, refused."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import yaml
 from lockstep import Lockstep
 from test_run import SEED, ran
 
+from vispeg.api.learning.finetune import failed_starts
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.evaluation.measured import read_measured
@@ -89,6 +91,36 @@ def test_trials_are_a_robots_outcomes_for_gap(kept, tmp_path):
     assert main(argv) == 0
     record = json.loads((tmp_path / "gap" / "gap.json").read_text())
     assert {row["world"] for row in record["success"]} == {"searching", "arm"}
+
+
+def changed(folder, out, **how):
+    """A copy of a trial, run as `how` says, that failed."""
+    shutil.copytree(folder, out)
+    said = yaml.safe_load((out / FILE).read_text())
+    said["outcome"] |= {"success": False, "category": "jam"}
+    (out / FILE).write_text(yaml.safe_dump({**said, "how": how}))
+    return out
+
+
+@pytest.mark.parametrize("how", [{"shadow": True}, {"slow": 0.25}])
+def test_only_trials_at_full_speed_say_how_well_a_policy_does(kept, tmp_path, how):
+    first, second, _ = folders(kept / "trials")
+    changed(first, tmp_path / "some" / "a", **how)
+    with pytest.raises(UserError, match="moved at full speed"):
+        read_measured(tmp_path / "some")
+    with pytest.raises(UserError, match="no trial failed"):
+        failed_starts(tmp_path / "some")
+    changed(second, tmp_path / "some" / "b")
+    found = read_measured(tmp_path / "some")
+    assert [e.seed for e in found.episodes] == [read_said(second).seed] and len(found.notes) == 1
+    assert len(failed_starts(tmp_path / "some")) == 1
+
+
+def test_trials_of_another_policy_of_that_name_are_noted(kept):
+    given, other = ({digest: ("expert", 0)} for digest in ("expert", "f" * 64))
+    assert not read_measured(kept / "trials", "robot", {"expert": {0}}, given).notes
+    (note,) = read_measured(kept / "trials", "robot", {"expert": {0}}, other).notes
+    assert "another policy than the expert" in note
 
 
 def test_a_trial_is_a_recording_that_compare_reads(tmp_path):

@@ -120,7 +120,9 @@ def gap(
         raise UserError("nothing to evaluate", expected="policy folders, or --records FILE")
     who, stored_before = ready(policies) if named else [], read_all(files) if files else []
     networks = [*((e.name, e.train_seed) for e in who), *((e.policy, e.train_seed) for e in stored_before)]
-    trials = _measured(measured, networks, robot, {e.digest: (e.name, e.train_seed) for e in who})
+    digests = {e.exported: (e.name, e.train_seed) for e in who if e.exported}
+    digests |= {e.digest: (e.name, e.train_seed) for e in who}
+    trials = _measured(measured, networks, robot, digests)
     read: list[str | Path | None] = [*files, measured, *folders(who)]
     chosen = None
     if who:

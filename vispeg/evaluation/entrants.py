@@ -43,6 +43,8 @@ class Entrant:
         source: for a user's own policy (`vispeg.evaluation.own`) the text that names it, or the object; else None.
         alone: whether it plays one episode at a time.
         measured: whether it asks for readings in SI units.
+        exported: for an .onnx file by `vispeg export` the digest of the policy that it was made from, which trials
+            state; else empty.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Entrant:
     source: Any = None
     alone: bool = False
     measured: bool = False
+    exported: str = ""
 
     @property
     def stored(self) -> bool:
@@ -125,7 +128,9 @@ def _own(name: str, source: Any) -> Entrant:
     hashes, made_of = tuple(known["world_hashes"]), known["world_parts"]
     how: Any = {"alone": own.plays_alone(target), "measured": action not in (None, OFFSET)}
     how["measured"] |= bool(getattr(target, "measured", False))
-    return Entrant(name, where, mode, 0, hashes, task, digest_of, made_of, source=kept, **how)
+    return Entrant(
+        name, where, mode, 0, hashes, task, digest_of, made_of, source=kept, exported=own.exported(target), **how
+    )
 
 
 def given(policies: Policies) -> list[tuple[str, Any]]:

@@ -112,7 +112,8 @@ def read_measured(
 ) -> Trials:
     """Read a CSV (`read_csv`), or a folder of trials (`vispeg.trials.trial`).
 
-    Shadow trials, in which the policy did not move the arm, are left out; a note counts them.
+    Trials in which the policy did not move the arm, or not at full speed, are left out; a note counts them. Another
+    tells of trials of another policy of the same name.
 
     Args:
         path: the CSV or the folder.
@@ -120,21 +121,24 @@ def read_measured(
         digests: digest of each known policy -> its name and training seed; a trial with one of these digests gets them.
 
     Raises:
-        UserError: as `read_csv`; a folder without trials that moved the arm, an invalid trial, an unknown policy, or
+        UserError: as `read_csv`; a folder without trials at full speed, an invalid trial, an unknown policy, or
             the same trial twice.
     """
     if not Path(path).is_dir():
         return read_csv(path, world, policies)
     episodes: dict[tuple[object, ...], Episode] = {}
-    shadows = 0
+    left_out, others, known = 0, dict[str, None](), digests or {}
+    names = {name for name, _ in known.values()}
     for folder in folders(path):
         said, file = read_said(folder), folder / FILE
-        if said.how.shadow:
-            shadows += 1
+        if not said.full_speed:
+            left_out += 1
             continue
-        name, seed = (digests or {}).get(said.policy.digest, (said.policy.name, said.policy.train_seed))
+        name, seed = known.get(said.policy.digest, (said.policy.name, said.policy.train_seed))
         if policies and name not in policies:
             raise UserError("unknown policy", file=file, key="policy.name", got=name, choices=sorted(policies))
+        if said.policy.digest and said.policy.digest not in known and name in names:
+            others[name] = None
         o = said.outcome
         episode = Episode(
             policy=name,
@@ -153,8 +157,10 @@ def read_measured(
             raise UserError("the same trial twice", file=file, key="seed", got=episode.key)
         episodes[episode.key] = episode
     if not episodes:
-        raise UserError("no trials in which the arm was moved", file=path)
-    notes = [f"{shadows} trials of {Path(path).name} were shadows and do not count"] if shadows else []
+        raise UserError("no trials in which the arm was moved at full speed", file=path)
+    place = Path(path).name
+    notes = [f"{left_out} trials of {place} were shadows or slowed down: left out"] if left_out else []
+    notes += [f"{place} holds trials of another policy than the {name} that is given" for name in others]
     return Trials(list(episodes.values()), notes)
 
 

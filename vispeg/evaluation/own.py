@@ -173,6 +173,11 @@ def made_in(target: Any) -> MadeIn:
     return worlds({**stated, "world_parts": i.world_parts} if i.world_parts else stated)
 
 
+def exported(target: Any) -> str:
+    """Return the digest of the policy that `vispeg export` wrote as this file; empty for other policies."""
+    return target.interface.policy if isinstance(target, Exported) else ""
+
+
 def _of_space(space: Mapping[str, Any], name: str) -> tuple[str, dict[str, Any]]:
     if PRIVILEGED in space:
         what = f"{name} reads '{PRIVILEGED}', the ground truth, which no robot has"

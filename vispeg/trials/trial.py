@@ -120,6 +120,11 @@ class Said(_Part):
     timing: TimingPart = TimingPart()
     how: HowPart = HowPart()
 
+    @property
+    def full_speed(self) -> bool:
+        """Whether the policy moved the arm, at full speed; only then it says how well the policy does."""
+        return not self.how.shadow and self.how.slow == 1.0
+
     def begin(self) -> Start:
         """Return the start for `reset(options={"start": ...})` of an environment. Raises UserError: unknown effect."""
         from vispeg.task.start import Start

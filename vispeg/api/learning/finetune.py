@@ -123,9 +123,13 @@ def finetune(
 
 
 def failed_starts(trials: Path) -> tuple[Start, ...]:
-    """Return the starts of failed trials without their effects, which are drawn anew. Raises UserError: none failed."""
-    said = read_trials(trials)
+    """Return the starts of trials that failed at full speed, without their effects, which are drawn anew.
+
+    Raises:
+        UserError: there are none.
+    """
+    said = [s for s in read_trials(trials) if s.full_speed]
     starts = tuple(s.again() for s in said if not s.outcome.success)
     if not starts:
-        raise UserError("no trial failed", file=trials, key="--starts", got=f"{len(said)} that succeeded")
+        raise UserError("no trial failed", file=trials, key="--starts", got=f"{len(said)} at full speed that succeeded")
     return starts
