@@ -12,6 +12,7 @@ from vispeg.api.explain import UNTRIED, explain
 from vispeg.api.learning.finetune import failed_starts
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
+from vispeg.evaluation.bridging import LEFT
 from vispeg.evaluation.explain import _followed
 from vispeg.evaluation.senses import HELD, TOUCH, before_contact
 from vispeg.evaluation.statistics import CANNOT_TELL
@@ -72,7 +73,7 @@ def test_a_hidden_effect_is_ranked_before_others_and_explains_what_is_lost(cell,
 
 
 def test_apply_writes_the_world_that_the_causes_correct_and_it_draws_within_their_intervals(cell, tmp_path):
-    found = explained(cell, tmp_path / "why", "--model", str(cell / "model.yaml"), "--apply")
+    found = explained(cell, tmp_path / "why", "--model", str(cell / "model.yaml"), "--apply", "--clearance", "2.9")
     world = tmp_path / "why" / "world.yaml"
     assert found["next"]["command"].split()[:2] == ["vispeg", "finetune"] and str(world) in found["next"]["command"]
     assert found["next"]["command"] in (tmp_path / "why" / "explain.html").read_text()
@@ -80,6 +81,7 @@ def test_apply_writes_the_world_that_the_causes_correct_and_it_draws_within_thei
     torque = np.array([d["coulomb_friction(joint4)"]["torque"].value for d in drawn])
     assert torque.std() == pytest.approx(0.5 / 1.96, rel=0.35) and abs(torque.mean() - 6.0) < 0.2
     assert {d["viscous_friction(joint7)"]["damping"].value for d in drawn} == {0.5}
+    assert load_world(world).task["clearance_mm"] == 2.9, "as in the replays"
 
 
 def test_apply_of_a_policy_that_fails_anywhere_sends_for_demonstrations_from_there(cell, tmp_path):
@@ -89,6 +91,31 @@ def test_apply_of_a_policy_that_fails_anywhere_sends_for_demonstrations_from_the
     assert verb == "finetune" and options[options.index("--starts") + 1] == str(cell / "trials")
     starts = failed_starts(cell / "trials")
     assert len(starts) == sum(not read_said(f).outcome.success for f in folders(cell / "trials"))
+
+
+def test_demonstrations_are_asked_for_in_the_task_that_was_replayed(cell, tmp_path):
+    asked = ["--world", str(cell / "hidden.yaml"), "--apply", "--clearance", "2.9"]
+    command = explained(cell, tmp_path / "why", *asked)["next"]["command"].split()
+    assert "--starts" in command and load_world(command[command.index("--world") + 1]).task["clearance_mm"] == 2.9
+
+
+def test_a_remainder_is_played_at_the_pace_of_the_task(cell, tmp_path):
+    """Two ways that must agree: the control period as an option, and in the world's file."""
+    shutil.copytree(folders(cell / "trials")[0], tmp_path / "one" / "trial-0001")
+    paced = {"control_period": 0.01}
+    (tmp_path / "paced.yaml").write_text(f"format: vispeg-world/1\nbase: nominal\ntask: {json.dumps(paced)}\n")
+    how = {"replays": 1, "remainder": 2}
+    stated = explain(tmp_path / "one", "expert", tmp_path / "paced.yaml", **how)
+    asked = explain(tmp_path / "one", "expert", task=paced, **how)
+    forces = [[e.peak_force for e in found.episodes if e.configuration.startswith(LEFT)] for found in (stated, asked)]
+    assert len(forces[0]) == 2 and forces[0] == forces[1]
+
+
+@pytest.mark.parametrize("task", [{"dof": ["x", "y"]}, {"policy_period": 0.08}])
+def test_actions_of_another_policy_are_refused_before_they_are_replayed(cell, tmp_path, task):
+    with pytest.raises(UserError, match="than the policy's"):
+        explain(cell / "trials", "expert", replays=1, task=task, out=tmp_path / "why")
+    assert not (tmp_path / "why").exists()
 
 
 def test_in_their_own_world_trials_end_as_they_did_by_policy_and_by_actions(cell, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -38,6 +39,7 @@ from vispeg.report.gap import words
 from vispeg.report.gap.explain_page import render
 from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
+from vispeg.task.config import TaskConfig
 from vispeg.task.registry import config_of
 from vispeg.task.world_file import BUILT_IN, WorldFile, load_world
 from vispeg.trials.trial import FILE, STEPS, Trial, read_trial
@@ -158,8 +160,8 @@ def explain(
         task, seed, workers, engine, out, overwrite, playing: as in `vispeg.evaluate`.
 
     Raises:
-        UserError: no trials in which the arm was moved at full speed, an effect that the world's cell does not have, or
-            as for `vispeg.evaluate`.
+        UserError: no trials in which the arm was moved at full speed, trials with actions of another length or period
+            than the policy's, an effect that the world's cell does not have, or as for `vispeg.evaluate`.
     """
     check_numbers(1, workers)
     if replays < 1:
@@ -173,12 +175,14 @@ def explain(
     if apply and out is None:
         raise UserError("a corrected world needs a folder", key="--apply", expected="--out FOLDER")
     who, file = ready([policy]), load_world(world)
+    config = config_of({**file.task, **(task or {})})
     notes: list[str] = []
     read = _read(Path(trials), notes)
     if len(who) != 1 or who[0].source is not None:
         raise UserError(
             "not a single stored policy", key="--policy", expected="a folder or a bundled policy", got=policy
         )
+    _check_actions(read, config_of({**file.task, **(task or {}), **who[0].task}))
     others = {t.said.policy.name for t in read if t.said.policy.digest not in ("", who[0].digest)}
     if others:
         notes.append(f"the trials are of another policy than {who[0].name}: {', '.join(sorted(others))}")
@@ -218,7 +222,7 @@ def explain(
         kept = {int(p.name.rpartition("-")[2]): p for p in trials_in(kept_in)}
         replayed = [[read_trial(kept[s]) for s in some[:DRAWS]] for some in seeds]
         parted, strip = _parted(jobs[CLOSED][0], policy, read, replayed, workers, engine, notes)
-        repeats = config_of(file.task).robot.repeats_mm
+        repeats = config.robot.repeats_mm
         if parted and repeats is None:
             notes.append(ASSUMED)
         side = {"notes": notes, "parted": parted, "repeats": repeats or senses.ASSUMED}
@@ -226,8 +230,8 @@ def explain(
         left, more, home = None, [], ""
         if remainder:
             bridging = Bridging(who[0], str(world), file, tuple(named), dict(task or {}), place / "worlds", seed)
-            tick = config_of(file.task).control_period
-            left = bridging.remainder(recordings, [r for some in replayed for r in some], tick, record["notes"])
+            simulated = [r for some in replayed for r in some]
+            left = bridging.remainder(recordings, simulated, config.control_period, record["notes"])
             if left is not None:
 
                 def played_too(some: list[Job]) -> list[Episode]:
@@ -242,7 +246,7 @@ def explain(
             left,
             home,
             diagnosis=diagnosis,
-            config=config_of({**file.task, **(task or {})}),
+            config=config,
             asked=asked,
             policy=who[0].path if who[0].stored else None,
             trials=read,
@@ -251,7 +255,8 @@ def explain(
         )
         ends = [*ends, *(e for some in more for e in some)]
         if apply and out is not None:
-            record["next"] = _applied(record, place, Path(out), str(policy), file, model, Path(trials))
+            where = place, Path(out)
+            record["next"] = _applied(record, *where, str(policy), file, dict(task or {}), model, Path(trials))
         about = {**record, "world": {"name": file.name, "hash": file.hash}, "replays": replays}
         result = ExplainResult(stamped(about, seed, folders(who)), tuple(ends), (), tuple(sources), strip)
         if out is not None:
@@ -262,12 +267,24 @@ def explain(
 def _read(place: Path, notes: list[str]) -> list[Trial]:
     """Read the trials in which the arm was moved at full speed. Raises UserError: there are none."""
     every = [read_trial(folder) for folder in trials_in(place)]
-    moved = [t for t in every if not t.said.how.shadow and t.said.how.slow == 1.0 and len(t.steps.time)]
+    moved = [t for t in every if t.said.full_speed and len(t.steps.time)]
     if len(moved) < len(every):
         notes.append(f"{len(every) - len(moved)} of {len(every)} trials were shadows or slowed down: left out")
     if not moved:
         raise UserError("no trials in which the arm was moved at full speed", file=place)
     return moved
+
+
+def _check_actions(trials: Sequence[Trial], config: TaskConfig) -> None:
+    """Raise UserError if the trials' actions are not those of a policy that is played with these settings."""
+    for t in trials:
+        count, period = t.steps.action.shape[1], t.said.timing.period_s
+        if count != len(config.dof):
+            what = "actions of another length than the policy's"
+            raise UserError(what, file=t.path, key="action", expected=len(config.dof), got=count)
+        if period and not math.isclose(period, config.policy_period):
+            what = "another policy period than the policy's"
+            raise UserError(what, file=t.path, key="timing.period_s", expected=config.policy_period, got=period)
 
 
 def _digest(trials: Sequence[Trial]) -> str:
@@ -289,7 +306,14 @@ def _of(ends: Sequence[Episode], configuration: str, seeds: Sequence[Sequence[in
 
 
 def _applied(
-    record: ExplainRecord, place: Path, out: Path, policy: str, world: WorldFile, model: str | Path | None, trials: Path
+    record: ExplainRecord,
+    place: Path,
+    out: Path,
+    policy: str,
+    world: WorldFile,
+    task: dict[str, Any],
+    model: str | Path | None,
+    trials: Path,
 ) -> Next | None:
     """Return the next step: train in a world with the causes, which is written, or collect demonstrations.
 
@@ -301,21 +325,32 @@ def _applied(
         out: final path of that folder.
         policy: the policy, as named by the user.
         world: the world of the replays.
+        task: settings of the task in the replays, in place of the world's.
         model: the model file whose effects were tried.
         trials: folder of the trials.
     """
-    base = _called(world)
+    base: str | Path = _called(world)
+    values: dict[str, Any] = {"format": "vispeg-world/1", "about": f"what {trials.name} showed", "base": base}
+    if task:
+        values["task"] = task
     if record["verdict"] == "policy":
         why = "it fails in simulation from these starts too: demonstrations from there teach it"
+        if task:
+            _write_world(place, values)
+            base = out / CORRECTED
         return {"why": why, "command": _command("finetune", policy, world=base, starts=trials, out="tuned")}
     if model is None or not any(c["verdict"] == "different" for c in record["causes"]):
         return None
     write_model(place / CORRECTED_MODEL, load_model(model), overwrite=True)
-    values = {"format": "vispeg-world/1", "about": f"what {trials.name} showed", "base": base, "model": CORRECTED_MODEL}
-    write_text_atomic(place / CORRECTED, yaml.safe_dump(values, sort_keys=False), overwrite=True)
-    load_world(place / CORRECTED)  # fail now if the world is invalid
+    _write_world(place, {**values, "model": CORRECTED_MODEL})
     why = f"{CORRECTED} has what {Path(model).name} names, each value within its interval, besides all of {world.name}"
     return {"why": why, "command": _command("finetune", policy, world=out / CORRECTED, out="tuned")}
+
+
+def _write_world(place: Path, values: Mapping[str, Any]) -> None:
+    """Write a world's file into a folder. Raises UserError: the world is invalid."""
+    write_text_atomic(place / CORRECTED, yaml.safe_dump(dict(values), sort_keys=False), overwrite=True)
+    load_world(place / CORRECTED)
 
 
 def _called(world: WorldFile) -> str:

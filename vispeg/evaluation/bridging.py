@@ -111,7 +111,7 @@ class Bridging:
 
     def arm(self, robot: str) -> World:
         """Return the identified arm: the world's effects, with ranges at their middle, and the named ones."""
-        drawn = of_arm(self.file.world).middle(scene_of(self.file.task))
+        drawn = of_arm(self.file.world).middle(scene_of({**self.file.task, **self.task}))
         return _searched(robot, (*drawn.effects, *self.named))
 
     def remainder(
