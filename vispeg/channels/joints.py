@@ -65,8 +65,8 @@ class Joints(Channel):
     def evidence(self, world: World, both: Both, how: How) -> tuple[Evidence, Evidence | None]:
         """Return angles of rollouts where every controller is known, torques of inverse dynamics where one is not."""
         first, second = ([self.read(rec, world, how) for rec in recordings] for recordings in both)
-        judged = evidence_for(second, how.threads, 1e-3, beside=first) if second else None
-        return evidence_for(first, how.threads, 1e-3, beside=second), judged
+        judged = evidence_for(second, how.threads, beside=first) if second else None
+        return evidence_for(first, how.threads, beside=second), judged
 
     def begin(self, evidence: Evidence, world: World, unstated: Sequence[int]) -> World:
         """Estimate start values of `unstated` effects for which a typical size is a bad start: a servo, a limit."""

@@ -58,16 +58,16 @@ class SignalChannel(Channel):
     def evidence(self, world: World, both: Both, how: How) -> tuple[Evidence, Evidence | None]:
         """Return rollouts that are compared by this signal alone."""
         first, second = ([self.read(rec, world, how) for rec in recordings] for recordings in both)
-        judged = SignalEvidence(second, self, h_max=1e-3, nthread=how.threads) if second else None
-        return SignalEvidence(first, self, h_max=1e-3, nthread=how.threads), judged
+        judged = SignalEvidence(second, self, how.threads) if second else None
+        return SignalEvidence(first, self, how.threads), judged
 
 
 class SignalEvidence(Evidence):
     """Rollouts compared by the signal of `channel`; the other arguments are those of `Evidence`."""
 
-    def __init__(self, recordings: Sequence[Recording], channel: SignalChannel, *, h_max: float, nthread: int):
+    def __init__(self, recordings: Sequence[Recording], channel: SignalChannel, nthread: int):
         self.channel = channel
-        super().__init__(recordings, h_max=h_max, nthread=nthread)
+        super().__init__(recordings, nthread=nthread)
         stated = all(rec.signals[channel.name].noise is not None for rec in recordings)
         self.floor_from = "stated noise" if stated else "estimated"
 

@@ -49,7 +49,7 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
     Raises:
         UserError: recordings that cannot be compared with the model.
     """
-    evidence = evidence_for(recordings, nthread, h_max=1e-3)
+    evidence = evidence_for(recordings, nthread)
     predicted = evidence.simulated([world])
     residual = evidence.residuals([world])[0]
     lost = diverged(evidence, world, predicted)

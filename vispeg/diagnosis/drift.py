@@ -80,7 +80,7 @@ def drifts(world: World, recordings: Sequence[Recording], threads: int = 1) -> l
         return []
     fitted: list[World] = []
     for rec in recordings:
-        evidence = evidence_for([rec], threads, 1e-3)
+        evidence = evidence_for([rec], threads)
         fit = calibrate(evidence, world, free, seed=0, method="least-squares", iterations=LAPS).fit
         fitted.append(_widened(fit.world, free, max(fit.cost, 1.0) ** 0.5))
     rows: list[Drift] = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -39,14 +39,11 @@ from vispeg.diagnosis.schema import DiagnosisRecord, ProposalRecord
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.names import never_named, tentative
 from vispeg.diagnosis.selection.search import Search
-from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.traces import arrays, traces
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.fit import fit_job
 from vispeg.identify.inverse import TorqueEvidence, evidence_for
 from vispeg.identify.loops.noise_motion import noise_motion, within_noise
 from vispeg.identify.loops.soft import without_drift
-from vispeg.identify.pool import run_together
 from vispeg.recordings.checks import missing
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import records
@@ -107,25 +104,24 @@ def diagnose(
         search.start(begin.first, n_fixed) if within_noise(judged, begin.first) else search.run(begin.first, n_fixed)
     )
     rivals = settled(search, state, n_fixed, say)
-    model = finer(search, state, n_fixed)
-    after_held = judged.residuals([model.world])[0]
-    before, after = judge.mean(judge.loss(before_held)), judge.mean(model.loss)
+    after_held = judged.residuals([state.world])[0]
+    before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
     before_missing, after_missing = search.missing(world), search.missing(state.world)
-    predicted = judged.simulated([world, model.world])
+    predicted = judged.simulated([world, state.world])
     held = [[missing_torque(i, y[w]) for i, y in zip(judged.items, predicted, strict=True)] for w in (0, 1)]
     joints = judged.items[0].robot.joints
     depends = dependences(after_missing, held[1], joints)
-    fed_back = noise_motion(judged, model.world)
-    floor = judge.floor(model.world) + fed_back
+    fed_back = noise_motion(judged, state.world)
+    floor = judge.floor(state.world) + fed_back
     least = None
     if isinstance(evidence, TorqueEvidence) and isinstance(judged, TorqueEvidence):
         say("least squares of base parameters, to compare with")
         least = base_parameters(evidence, judged, world)
     mark = None if least is None else _mean_square(judged, least)
-    unjudged = None if roles is None else roles.unjudged(model.world, evidence)
+    unjudged = None if roles is None else roles.unjudged(state.world, evidence)
     worst = farthest(judged, after_held, floor)
     n_added = len(state.world.effects) - n_given
-    errors = judged.errors([world, model.world])
+    errors = judged.errors([world, state.world])
     seen = (errors[0] / judged.floor, errors[1] / judged.floor)
     verdict = decide(before, after, n_added, rivals, depends, floor, mark, unjudged, worst, len(begin.read), seen)
     changing = search.changes(state, n_fixed)
@@ -135,9 +131,9 @@ def diagnose(
         unsure = tentative(state, n_fixed, search.exchanges(state), rivals, far=worst > RULES.far)
     unsure |= {c.label for c in changing}
     verdict = without_tentative(verdict, rivals, unsure)
-    wrong = of_form(evidence, model.fit, before, after, floor)
+    wrong = of_form(evidence, state.fit, before, after, floor)
     final = with_origin(
-        widened(model.world, range(n_fixed, len(model.world.effects)), wrong),
+        widened(state.world, range(n_fixed, len(state.world.effects)), wrong),
         n_given,
         fitted,
         held_out,
@@ -147,7 +143,7 @@ def diagnose(
         unsure,
     )
     equals = [(f"{t.score.label} in place of {r.label}", t.fit.world) for r in rivals for t in r.equals]
-    drawing = arrays(traces(judged.items, predicted), joints) | subsets(judged, model.world, n_given, equals)
+    drawing = arrays(traces(judged.items, predicted), joints) | subsets(judged, state.world, n_given, equals)
     drawn, final_maps = maps(held[0]), maps(held[1])
     for axis, (edges, grid) in drawn.items():
         drawing[f"map/{axis}/edges"], drawing[f"map/{axis}/before"] = edges, grid
@@ -167,8 +163,8 @@ def diagnose(
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": effects(final, n_given, rivals, model.world),
-        "ladder": ladder(evidence, judged, model, world, rung),
+        "effects": effects(final, n_given, rivals, state.world),
+        "ladder": ladder(evidence, judged, state, world, rung),
         "noise_floor": {
             "value": judged.floor,
             "unit": f"{judged.unit} RMS",
@@ -185,8 +181,8 @@ def diagnose(
         "candidates": candidates(state, rivals, n_fixed),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],
-        "correlations": correlations(model),
-        "parameters_moved": moved(model),
+        "correlations": correlations(state),
+        "parameters_moved": moved(state),
         "windows": records([*fitted, *held_out]),
         "missing": [line for rec in (*fitted, *held_out) for line in missing.said(rec)],
         "notes": [
@@ -203,22 +199,7 @@ def diagnose(
 
 def _both(fitted: Sequence[Recording], held_out: Sequence[Recording], nthread: int) -> tuple[Evidence, Evidence]:
     """Return the evidence of the fitted and of the held-out recordings, compared in the same way."""
-    judged = evidence_for(held_out, nthread, h_max=1e-3, beside=fitted)
-    return evidence_for(fitted, nthread, beside=held_out), judged
-
-
-def finer(search: Search, state: State, n_fixed: int) -> State:
-    """Return the state with values fitted at the judge's physics step, with the derivatives that the search had."""
-    judged = search.judge.evidence
-    evidence = search.evidence.at_step(judged)
-    if state.fit is None or evidence is search.evidence:
-        return state
-    free = range(n_fixed, len(state.world.effects))
-    job = fit_job(evidence, state.world, free, columns=state.fit.jacobian, iterations=4)
-    (fit,) = run_together([job], evidence.residuals, length=evidence.length)
-    out = replace(state)
-    out.take(fit, search.judge.losses([fit.world])[0])
-    return out
+    return evidence_for(fitted, nthread, beside=held_out), evidence_for(held_out, nthread, beside=fitted)
 
 
 def _mean_square(judged: Evidence, residuals: list[np.ndarray]) -> float:

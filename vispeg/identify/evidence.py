@@ -8,7 +8,6 @@ sensor's placement is stated, and a servo's load. A held-out evidence is one to 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -65,7 +64,7 @@ class Evidence(Freedom):
         floor_from: where the noise is known from, in words.
     """
 
-    def __init__(self, recordings: Sequence[Recording], *, h_max: float = 2e-3, nthread: int = 1):
+    def __init__(self, recordings: Sequence[Recording], *, h_max: float = 1e-3, nthread: int = 1):
         large_apart()
         sound = [without_runaway(rec, nominal_robot(rec), 2.0 * _settle(rec)) for rec in recordings]
         self.recordings, self.nthread = [torque_if_saturated(rec, robot_of(rec)) for rec in sound], nthread
@@ -89,14 +88,6 @@ class Evidence(Freedom):
         self.notes += _stops(self.recordings)
         self.floor_from = "stated noise" if all("q" in r.noise for r in recordings) else "estimated"
         self._recent: list[tuple[tuple[World, ...], list[np.ndarray]]] = []
-
-    def at_step(self, other: Evidence) -> Evidence:
-        """Return this evidence with the physics step of another one; itself if it has that already."""
-        if self.h_max == other.h_max:
-            return self
-        out = copy(self)
-        out.h_max, out._recent = other.h_max, []
-        return out
 
     @property
     def least_gain(self) -> float:

@@ -170,14 +170,12 @@ def rigid_body(robot: RobotModel, world: World, q: np.ndarray, dq: np.ndarray) -
     return dense(model, mass)[:, v][:, :, v], bias[:, v].copy()
 
 
-def evidence_for(
-    recordings: Sequence[Recording], nthread: int = 1, h_max: float = 2e-3, *, beside: Sequence[Recording] = ()
-) -> Evidence:
+def evidence_for(recordings: Sequence[Recording], nthread: int = 1, *, beside: Sequence[Recording] = ()) -> Evidence:
     """Return rollout evidence if every controller is known, otherwise inverse dynamics.
 
     Args:
         recordings: of one robot and the same joints.
-        nthread, h_max: as in `Evidence`; inverse dynamics needs neither.
+        nthread: as in `Evidence`; inverse dynamics does not need it.
         beside: recordings of another evidence that is compared in the same way, such as the held-out ones.
 
     Raises:
@@ -195,7 +193,7 @@ def evidence_for(
             raise UserError("recordings of different joints", file=rec.path, key="joints", expected=expected, got=got)
     if any(rec.control.mode == "unknown" for rec in every):
         return TorqueEvidence(recordings)
-    return Evidence(recordings, h_max=h_max, nthread=nthread)
+    return Evidence(recordings, nthread=nthread)
 
 
 def _items(rec: Recording, sigma: np.ndarray, contact: Contact | None) -> list[Item]:

@@ -23,7 +23,7 @@ from vispeg.diagnosis.selection.cross import Cross, on_held_out
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.names import Exchange, Ground, doubted, exchanges
 from vispeg.diagnosis.selection.state import State
-from vispeg.diagnosis.selection.together import together
+from vispeg.diagnosis.selection.together import exchanged, together
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit
 from vispeg.worlds.model_file import model_text
@@ -83,15 +83,10 @@ class Proposals:
                 proposal = together(Dictionary(residual, straight, fit, self.cross.folds), self.evidence.most_effects)
                 scores += [] if proposal is None else [proposal]
             scores.sort(key=lambda s: -s.gain)
-            return [[[_plain(e) for e in s.members], s.gain, [_plain(e) for e in s.out]] for s in scores]
+            return [_stored(s) for s in scores]
 
         asked = [[list(p) for p in group] for group in (places, *groups)]
-        proposals = self.progress.recall(["screen", model_text(world), asked, several], work_out)
-        out = []
-        for members, gain, gone in proposals:
-            first, *beside = (EffectInstance.of(name, where, **values) for name, where, values in members)
-            placed = tuple(EffectInstance.of(name, where, **values) for name, where, values in gone)
-            out.append(Score(first, gain, tuple(beside), placed))
+        out = [_score(s) for s in self.progress.recall(["screen", model_text(world), asked, several], work_out)]
         alone = {s.key: s for s in out if not s.beside and not s.out}
         self._alone.setdefault(model_text(world), {}).update(dict.fromkeys(places) | alone)
         return out
@@ -113,6 +108,17 @@ class Proposals:
             self.screened(world, residual, fit, fresh, missing)
         scores = self._alone[model_text(world)] if places else {}
         return sorted((s for p in places if (s := scores[p]) is not None), key=lambda s: -s.gain)
+
+    def swap(self, state: State) -> Score | None:
+        """Return the best exchange of fitted linear effects by the linear model, stored; None without one."""
+        world, residual, fit = state.world, state.residual, state.fit
+
+        def work_out() -> list:
+            taken = self.signatures(world, residual, self._straight(world), self.missing(world))
+            score = exchanged(Dictionary(residual, taken, fit, self.cross.folds))
+            return [] if score is None else [_stored(score)]
+
+        return next(map(_score, self.progress.recall(["swap", model_text(world)], work_out)), None)
 
     def exchanges(self, state: State) -> list[Exchange]:
         """Return the exchange of each fitted effect: what its removal costs, and what may replace it.
@@ -206,6 +212,18 @@ def excess(judge: Judge, world: World, residual: np.ndarray) -> dict[str, float]
     floor, joints = judge.floor(world), judge.evidence.items[0].robot.joints
     over = {joint: (total[j], count[j]) for j, joint in enumerate(joints)} | {"": (total.sum(), count.sum())}
     return {where: float(max(a - floor * n, RULES.left_least * n, 1.0)) for where, (a, n) in over.items()}
+
+
+def _stored(score: Score) -> list:
+    """Return a score as plain JSON data."""
+    return [[_plain(e) for e in score.members], score.gain, [_plain(e) for e in score.out]]
+
+
+def _score(stored: Sequence) -> Score:
+    """Return the score that `_stored` wrote."""
+    members, gain, gone = stored
+    first, *beside = (EffectInstance.of(name, where, **values) for name, where, values in members)
+    return Score(first, gain, tuple(beside), tuple(EffectInstance.of(n, w, **values) for n, w, values in gone))
 
 
 def _plain(placed: EffectInstance) -> list:

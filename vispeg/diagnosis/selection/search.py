@@ -68,6 +68,36 @@ class Search(Loop, Shown, Proposals):
         """Return the moves of the search: adding an effect, then revisions of the accepted ones."""
         return self.advance, partial(refined, self), partial(remove_aliases, self), partial(gathered, self)
 
+    def go_on(self, state: State, n_fixed: int) -> None:
+        """Apply the moves until none changes the state; then exchange effects, and begin again after an exchange."""
+        super().go_on(state, n_fixed)
+        while self._exchange(state, n_fixed):
+            super().go_on(state, n_fixed)
+
+    def _exchange(self, state: State, n_fixed: int) -> bool:
+        """Exchange accepted effects for others if both fitted and held-out error fall; return whether they did.
+
+        An exchange adds no effect, so errors of the laws' form do not favour it: it is tried wherever more than noise
+        is left, also where no further effect would be added (`worth_it`).
+        """
+        if state.fit is None or self._at_floor(state.world, state.loss):
+            return False
+        score = self.swap(state)
+        if score is None:
+            return False
+        self.say(f"fitting {score.label} in place of {', '.join(e.label for e in score.out)}")
+        world = without(state.world, score.out).add(*score.members)
+        (fit,) = self.fits([world], n_fixed, columns=[state.derivatives(score.out)])
+        loss = self.judge.losses([fit.world])[0]
+        gain = self.judge.gain(state.loss, loss)
+        fitted = 1.0 - float(fit.residual @ fit.residual) / float(state.residual @ state.residual)
+        if min(gain.relative, fitted) < RULES.exchange:
+            return False
+        trial = Trial(score, fit, loss, gain)
+        self.take(state, trial, [trial], n_fixed)
+        prune(self, state, n_fixed)
+        return True
+
     def start(self, world: World, n_fixed: int | None = None) -> State:
         """Return the state at which a search begins; effects of `world` after the first `n_fixed` are refitted.
 
@@ -136,7 +166,9 @@ class Search(Loop, Shown, Proposals):
             scores += all_common(self, state, missing) if any(not t.rejected for t in trials) else []
             trials = self.try_all(state, scores, n_fixed, len(near)) + trials
         later = [] if common or passes(proposed) else self._common_groups(state)
-        if later and not (passes(trials) and (state.fit is not None or self._leaves_only_noise(trials[0]))):
+        if later and not (
+            passes(trials) and (state.fit is not None or self._at_floor(trials[0].fit.world, trials[0].loss))
+        ):
             trials += self.try_places(state, n_fixed, [], missing, len(near), later, not several)
             trials = in_order(self.judge, state, trials)
         if rest and all(t.rejected for t in trials):
@@ -151,9 +183,9 @@ class Search(Loop, Shown, Proposals):
         first, *beside = proposed
         return self.try_all(state, [Score(first, 0.0, tuple(beside))], n_fixed, tested)
 
-    def _leaves_only_noise(self, trial: Trial) -> bool:
-        """Return whether a trial's held-out error is at the noise floor."""
-        return self.judge.mean(trial.loss) - self.judge.floor(trial.fit.world) <= RULES.at_floor - 1.0
+    def _at_floor(self, world: World, loss: np.ndarray) -> bool:
+        """Return whether the held-out loss of a world is at the noise floor."""
+        return self.judge.mean(loss) - self.judge.floor(world) <= RULES.at_floor - 1.0
 
     def scored(self, state: State) -> list[Score]:
         """Return the candidates for a state, best first by the predicted drop of the fitted error."""

@@ -39,6 +39,20 @@ def together(dictionary: Dictionary, most: int) -> Score | None:
         chosen.append(candidate[1])
         error = _exchanged(dictionary, fixed, chosen, error - candidate[0])
         error = _lighter(dictionary, fixed, chosen, error)
+    return _score(dictionary, fixed, before, chosen)
+
+
+def exchanged(dictionary: Dictionary) -> Score | None:
+    """Return as one candidate the best exchange of fitted linear effects, each for another; None if none is better."""
+    fixed = [k for k in dictionary.fitted if not dictionary.entries[k].straight]
+    before = [k for k in dictionary.fitted if k not in fixed]
+    chosen = list(before)
+    _exchanged(dictionary, fixed, chosen, dictionary.crossed([*fixed, *chosen]))
+    return _score(dictionary, fixed, before, chosen)
+
+
+def _score(dictionary: Dictionary, fixed: list[int], before: list[int], chosen: list[int]) -> Score | None:
+    """Return the candidate that has `chosen` in the place of `before`; None if it adds none or changes only one."""
     new, gone = [k for k in chosen if k not in before], [k for k in before if k not in chosen]
     if not new or len(new) + len(gone) < 2:
         return None

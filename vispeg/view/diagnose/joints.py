@@ -36,7 +36,7 @@ class Joints(Plain):
     def __init__(self, inputs: Inputs, threads: int, say: Say, progress: Progress | None):
         self.recordings = (*inputs.fitted, *inputs.held_out)
         judging = inputs.fitted if progress is None else inputs.held_out
-        self.judged = without_drift(evidence_for(judging, threads, h_max=1e-3, beside=self.recordings), inputs.world)
+        self.judged = without_drift(evidence_for(judging, threads, beside=self.recordings), inputs.world)
         self.search = None
         if progress is not None:
             evidence = without_drift(evidence_for(inputs.fitted, threads, beside=self.recordings), inputs.world)
