@@ -110,7 +110,7 @@ class Bench:
         given: Inputs = read_inputs(self.model, self.fitted, self.held_out, seconds=self.arm.seconds)
         self.given, self.world = given, given.world
         self.evidence = evidence_for(given.fitted)
-        self.judged = evidence_for(given.held_out, h_max=1e-3)
+        self.judged = evidence_for(given.held_out)
 
     def _recording(self, source: Path) -> Path:
         if not self.arm.map:

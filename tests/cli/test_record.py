@@ -26,7 +26,7 @@ FRICTION = EffectInstance.of("coulomb_friction", "joint4", torque=1.2)
 
 def chi2(rec, world=None):
     """Mean squared whitened residual: 1 for the world that made the recording."""
-    evidence = Evidence([rec], h_max=1e-3)
+    evidence = Evidence([rec])
     return float(np.sum(evidence.residuals([world or World()])[0] ** 2) / evidence.count)
 
 

@@ -23,7 +23,7 @@ def searched(hidden: EffectInstance, taken: list[EffectInstance]) -> tuple[Searc
     robot, world = load("iiwa14"), World().add(hidden)
     motions = [iiwa_segment("position", seconds=2.5, seed=k) for k in range(3)]
     recordings = [recorded(robot, "iiwa14", world, s, stream(5, k)) for k, s in enumerate(motions)]
-    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)))
+    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:])))
     return search, search.start(World("iiwa14").add(*taken), 0)
 
 

@@ -13,16 +13,12 @@ from vispeg.diagnosis.conclusion import rivals
 from vispeg.diagnosis.evidence.localise import joint_z
 from vispeg.diagnosis.evidence.screen import groups, screen
 from vispeg.diagnosis.evidence.signatures import Signature
-from vispeg.diagnosis.run import finer
 from vispeg.diagnosis.selection import prune
 from vispeg.diagnosis.selection.cross import Cross
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.names import Exchange, never_named
 from vispeg.diagnosis.selection.search import Search
-from vispeg.diagnosis.selection.state import State
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.fit import fit_job
-from vispeg.identify.pool import run_together
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
 
@@ -62,7 +58,7 @@ def test_a_group_has_every_joint_once(recordings):
 @pytest.fixture(scope="module")
 def searched(recordings):
     """A search that is done, and where it ended."""
-    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)))
+    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:])))
     return search, search.run(World(recordings[0].robot))
 
 
@@ -265,9 +261,7 @@ def test_a_proposed_set_is_one_candidate_and_what_is_not_there_goes(recordings):
         EffectInstance.of("joint_bias", "elbow", torque=0.05),
         EffectInstance.of("cable_spring", "shoulder", stiffness=0.05, reference=0.0),
     ]
-    search = Search(
-        Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)), proposed=lambda: [*extra, *off]
-    )
+    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:])), proposed=lambda: [*extra, *off])
     state = search.run(World())
     (whole,) = [t for t in state.steps[0][1] if t.score.count == len(HIDDEN) + 2]
     assert not whole.rejected and whole.gain.relative > 0.99
@@ -280,28 +274,6 @@ def test_a_proposed_set_is_one_candidate_and_what_is_not_there_goes(recordings):
 
 def test_a_proposed_set_that_explains_nothing_is_refused(recordings):
     wrong = [EffectInstance.of("joint_bias", j, torque=0.3) for j in ("shoulder", "elbow")]
-    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)), proposed=lambda: wrong)
+    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:])), proposed=lambda: wrong)
     state = search.run(World())
     assert {e.label for e in state.world.effects} == {e.label for e in HIDDEN}
-
-
-def test_an_evidence_at_anothers_step_is_one_made_with_it(recordings):
-    coarse, fine = Evidence(recordings[:2]), Evidence(recordings[:2], h_max=1e-3)
-    world = World().add(*HIDDEN)
-    before = coarse.residuals([world])[0]
-    np.testing.assert_array_equal(coarse.at_step(fine).residuals([world])[0], fine.residuals([world])[0])
-    np.testing.assert_array_equal(coarse.residuals([world])[0], before)
-    assert not np.array_equal(before, fine.residuals([world])[0])
-    assert fine.at_step(fine) is fine
-
-
-def test_the_last_values_fit_the_judges_step(recordings):
-    """Fitted with the derivatives of the search's step, most of what that step costs at the judge's is gone."""
-    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)))
-    fine, world = Evidence(recordings[:2], h_max=1e-3), World().add(*HIDDEN)
-    (fit,) = search.fits([world], 0)
-    state = State(fit.world, search.judge.losses([fit.world])[0], fit.residual, fit)
-    model = finer(search, state, 0)
-    (best,) = run_together([fit_job(fine, fit.world, range(4), iterations=8)], fine.residuals, length=fine.length)
-    coarse, last, least = (float(np.sum(r**2)) for r in fine.residuals([fit.world, model.world, best.world]))
-    assert least <= last < coarse and last - least < 0.5 * (coarse - least)

@@ -33,7 +33,7 @@ def test_friction_that_falls_with_speed_takes_the_place_of_dry_friction(hidden, 
         swing = 1 - np.cos(2 * np.pi * np.outer(t, [0.5 + 0.1 * i, 0.4 - 0.05 * i]))
         s = drive(robot, "position", 0.0, command=0.3 * swing, seconds=5.0, rate=200.0, kp=60.0, kd=4.0)
         recordings.append(recorded(robot, robot.source, World().add(hidden), s, stream(5, i)))
-    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)))
+    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:])))
     state = search.start(World(robot.source).add(DRY), 0)
     before = search.judge.mean(state.loss)
     grow(search, state, DRY, 0)

@@ -37,7 +37,7 @@ def trial(placed):
 def search():
     robot = load("iiwa14")
     rec = fits.still(robot, 1.0, control=controller(robot, "position", 100.0, np.zeros(7)))
-    evidence = Evidence([replace(rec, robot="iiwa14")], h_max=1e-3)
+    evidence = Evidence([replace(rec, robot="iiwa14")])
     return Search(evidence, Judge(evidence))
 
 

@@ -36,7 +36,7 @@ def strokes(size: float, seed: int, *effects: EffectInstance) -> Recording:
 def search() -> Search:
     """Fitted on large strokes, judged on small ones."""
     large, small = [strokes(0.5, k, SERVO, LIMIT) for k in (0,)], [strokes(0.05, k, SERVO, LIMIT) for k in (2,)]
-    return Search(Evidence(large), Judge(Evidence(small, h_max=1e-3)))
+    return Search(Evidence(large), Judge(Evidence(small)))
 
 
 class Alone(Search):
@@ -113,7 +113,7 @@ def driven() -> Search:
         motion = Motion("sine", time, goal[:, None], np.gradient(goal, time)[:, None])
         world, loop = World(robot.source, None, EVERY_ARM_HAS), controller(robot, "torque", 100.0, np.zeros(1))
         motions.append(record(world, motion, loop, {"q": 1e-4, "dq": 1e-3}, stream(k, "sine")))
-    return Search(Evidence(motions[:1]), Judge(Evidence(motions[1:], h_max=1e-3)))
+    return Search(Evidence(motions[:1]), Judge(Evidence(motions[1:])))
 
 
 STUCK = EffectInstance.of("torque_speed_limit", "hinge", stall=0.05, no_load=0.3)  # at its bound

@@ -81,9 +81,9 @@ def test_partial_effects_stay_as_given_where_a_new_fit_is_worse_on_what_was_not_
     q = 0.4 * (1 - np.cos(2 * np.pi * 0.7 * t))[:, None]
     s = drive(robot, "position", q[0], command=q, seconds=4.5, rate=200.0, kp=60.0, kd=4.0)
     other = recorded(robot, robot.source, hinge("coulomb_friction", torque=1.4), s, stream(9, 0))
-    search = Search(Evidence([other]), Judge(Evidence(recordings[2:], h_max=1e-3)))
+    search = Search(Evidence([other]), Judge(Evidence(recordings[2:])))
     state = search.start(given, 0)
     assert state.world.effects[0].params["torque"].value == pytest.approx(0.8, rel=1e-6)
-    right = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)))
+    right = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:])))
     off = given.add(EffectInstance.of("coulomb_friction", "hinge", torque=0.5))
     assert right.start(off, 0).world.effects[0].params["torque"].value == pytest.approx(0.8, abs=0.1)

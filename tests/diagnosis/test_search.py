@@ -21,6 +21,7 @@ from vispeg.diagnosis.selection.search import Search, suspects
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, fit_job
+from vispeg.identify.inverse import evidence_for
 from vispeg.identify.pool import run_together
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import load
@@ -60,7 +61,7 @@ def test_joints_that_are_not_suspected_are_looked_at_before_the_search_gives_up(
     """Nothing in the library is like the push, which hides the friction of the other joint."""
     recordings = made(tmp_path, 0.3, push)
     world = World(recordings[0].robot)
-    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)))
+    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:])))
     assert suspects(search.missing(world), ["shoulder", "elbow"]) == first
     record = diagnose(world, recordings[:2], recordings[2:], nthread=1, plan_next=False).record
     assert [(e["effect"], e["where"]) for e in record["effects"]] == [("coulomb_friction", "shoulder")]
@@ -187,6 +188,26 @@ def test_several_are_tried_at_a_time_where_one_joint_comes_first_and_its_best_is
     assert [several for *_, several in search.asked] == [True], "beside a fit, several are tried from the first"
 
 
+def test_effects_are_exchanged_where_nothing_more_would_be_added(recordings):
+    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:])))
+    search.least_share = 1e9  # of what the wrong effect removed: no further effect is tried
+    damping = EffectInstance.of("viscous_friction", "shoulder", damping=0.5)
+    state = search.start(World(recordings[0].robot).add(damping), 0)
+    before = search.judge.mean(state.loss)
+    assert not search.worth_it(state, 0)
+    search.go_on(state, 0)
+    assert [e.label for e in state.world.effects] == ["coulomb_friction(shoulder)"]
+    assert search.judge.mean(state.loss) < 0.1 * before
+    stays = state.world
+    search.go_on(state, 0)
+    assert state.world == stays
+
+
+def test_fitted_and_held_out_recordings_are_simulated_at_one_step(recordings):
+    both = [evidence_for(some, beside=recordings) for some in (recordings[:2], recordings[2:])]
+    assert len({e.h_max for e in both}) == 1
+
+
 class Knowing(Search):
     """A search that tries one effect, the answer, if there is one; its fits move nothing.
 
@@ -195,7 +216,7 @@ class Knowing(Search):
     """
 
     def __init__(self, recordings, answer: EffectInstance | None = None):
-        super().__init__(Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)))
+        super().__init__(Evidence(recordings[:2]), Judge(Evidence(recordings[2:])))
         self.answer, self.begun = answer, []
 
     def fits(self, worlds, n_fixed, **how):

@@ -43,7 +43,7 @@ def test_a_torque_has_the_errors_of_the_recordings_that_have_one(first):
     """Angles are those of both recordings, torques of the one that was recorded with a sensor, in either order."""
     felt = swing()
     both = [felt, replace(felt, tau=None, torque_sensor="none")]
-    together, alone = (Evidence(some, h_max=1e-3) for some in ([both[first], both[1 - first]], [felt]))
+    together, alone = (Evidence(some) for some in ([both[first], both[1 - first]], [felt]))
     rows = [channels(e, e.simulated([World(felt.robot)]), None) for e in (together, alone)]
     assert [row["channel"] for row in rows[0]] == ["angle", "torque"]
     for mixed, one in zip(*rows, strict=True):

@@ -184,7 +184,7 @@ def damped() -> tuple[Search, State]:
     """Return the search of a pendulum's recordings, and the state in which its damping is fitted."""
     recordings = swung(EffectInstance.of("viscous_friction", "hinge", damping=0.5), seed=5)
     world = World(recordings[0].robot)
-    search = Search(Counting(recordings[:2]), Judge(Counting(recordings[2:], h_max=1e-3)))
+    search = Search(Counting(recordings[:2]), Judge(Counting(recordings[2:])))
     return search, search.start(world.add(EffectInstance.of("viscous_friction", "hinge", damping=0.1)), 0)
 
 

@@ -15,7 +15,7 @@ from vispeg.diagnosis.evidence.signatures import Signature
 from vispeg.diagnosis.findings import Gain, Rivals, Score, Trial
 from vispeg.diagnosis.selection.names import Exchange, Ground, doubted, exchanges, never_named, tentative
 from vispeg.diagnosis.selection.state import State
-from vispeg.diagnosis.selection.together import prior, together
+from vispeg.diagnosis.selection.together import exchanged, prior, together
 from vispeg.identify.fit import Fit
 from vispeg.identify.space import Space
 from vispeg.worlds.world import World
@@ -103,6 +103,20 @@ def test_an_early_wrong_guess_goes_out_when_what_it_stood_in_for_comes_in(toy):
     assert {e.where for e in proposal.out} == {"joint1", "joint2"}
     roll = next(e for e in proposal.members if e.effect == "gravity_tilt").params["roll"].value
     assert roll == pytest.approx(0.03, rel=0.1)
+
+
+def test_an_exchange_names_what_explains_more_and_adds_nothing(toy):
+    y = 2.0 * toy["b"].columns[:, 0] + toy["friction"].columns[:, 0] + toy["noise"]
+    tilt = toy["tilt"].columns[:, 0]
+    x = float(tilt @ y / (tilt @ tilt))
+    wrong = fitted(y - x * tilt, [toy["tilt"]], [0.01 * x])
+    score = exchanged(Dictionary(wrong.residual, [toy["a"], toy["b"], toy["friction"]], wrong))
+    assert score is not None and not score.beside, "one for one, though the friction would lower the error further"
+    assert [(score.placed.effect, score.placed.where)] == [("joint_bias", "joint2")]
+    assert [(e.effect, e.where) for e in score.out] == [("gravity_tilt", "base")]
+    b = toy["b"].columns[:, 0]
+    right = fitted(y - 2.0 * b, [toy["b"]], [2.0])
+    assert exchanged(Dictionary(right.residual, [toy["a"], toy["tilt"], toy["friction"]], right)) is None
 
 
 def test_several_that_hardly_overlap_come_in_at_once_and_nothing_else(toy):

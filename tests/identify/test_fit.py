@@ -67,7 +67,7 @@ def test_two_frictions_are_told_apart_and_recovered():
 def test_a_record_of_a_fit_has_the_error_that_a_comparison_of_its_model_has():
     """Both are means over the readings that are compared, here half of them, however far the model is off."""
     recordings = [recorded(ROBOT, ROBOT.source, TRUTH, motion(seconds=0.9), stream(5, "short"), h_max=1e-3)]
-    ev = evidence_for(recordings, h_max=1e-3)
+    ev = evidence_for(recordings)
     assert ev.count < 0.6 * ev.length
     found = calibrate(ev, hinge("viscous_friction", damping=0.1), [0], seed=0)
     record, world = fit_record(START, found, [0], ev, None)

@@ -40,7 +40,7 @@ def recorded(mode: Literal["position", "torque", "osc"], world: World = NOMINAL,
 
 def test_the_right_models_error_is_foretold():
     """Over six draws of fed-back noise: most residuals lie under 1 + `noise_motion`, and not far under."""
-    evidence = Evidence([recorded("osc")], h_max=1e-3)
+    evidence = Evidence([recorded("osc")])
     more, item, one = noise_motion(evidence, World()), evidence.items[0], np.ones((6, 7))
     noise = ReadingNoise(NOISE["q"] * one, NOISE["dq"] * one, stream(7, "stirred test"))
     moved = simulate(item.robot, [World()] * 6, [item.segment], h_max=5e-4, reading_noise=noise)[0].q
@@ -89,7 +89,7 @@ def test_a_coarse_encoder_leaves_the_right_model_no_more_than_is_foretold():
     right, wrong = [], []
     for seed in range(4):
         for hidden, ratios in ((coarse, right), (also, wrong)):
-            judge = Judge(Evidence([recorded("torque", hidden, 10 + seed)], h_max=1e-3))
+            judge = Judge(Evidence([recorded("torque", hidden, 10 + seed)]))
             more = noise_motion(judge.evidence, coarse)
             (loss,) = judge.losses([coarse])
             ratios.append(judge.mean(loss) / (judge.floor(coarse) + more))
@@ -104,7 +104,7 @@ def test_a_coarse_encoder_makes_no_value_of_the_right_model_less_certain():
     """All that is left is the encoder's; none of it is an error of the friction's form."""
     coarse = World().add(EffectInstance.of("encoder_quantization", "joint2", step=4e-4))
     right, begun = (coarse.add(EffectInstance.of("coulomb_friction", "joint4", torque=t)) for t in (2.0, 1.0))
-    fitted, judged = (Evidence([recorded("torque", right, seed)], h_max=1e-3) for seed in (10, 11))
+    fitted, judged = (Evidence([recorded("torque", right, seed)]) for seed in (10, 11))
     found = calibrate(fitted, begun, (1,), seed=0)
     _, world = fit_record(coarse, found, (1,), fitted, judged)
     assert world.effects[1].params["torque"] == found.fit.world.effects[1].params["torque"]

@@ -44,7 +44,7 @@ def test_friction_is_no_saturation():
 def test_the_right_model_of_an_open_loop_stands_at_the_noise_floor():
     world, rec = run(14.0)
     assert list(np.flatnonzero(saturated(rec, ROBOT))) == [3]
-    evidence = Evidence([rec], h_max=1e-3)
+    evidence = Evidence([rec])
     assert evidence.recordings[0].control.mode == "torque"
     assert any("saturated" in note for note in evidence.notes)
     (residual,) = evidence.residuals([world])

@@ -22,7 +22,7 @@ ROBOT = load("iiwa14")
 
 def times_floor(rec: Recording) -> float:
     """Error of the nominal model over the noise, both RMS."""
-    evidence = Evidence([rec], h_max=1e-3)
+    evidence = Evidence([rec])
     return evidence.rms_error(evidence.residuals([World()])[0]) / evidence.floor
 
 

@@ -36,7 +36,7 @@ def thrown(rec: Recording, begin: float, end: float) -> Recording:
 
 
 def mean_square(rec: Recording) -> float:
-    evidence = Evidence([rec], h_max=1e-3)
+    evidence = Evidence([rec])
     (residual,) = evidence.residuals([WORLD])
     return float(residual @ residual) / evidence.count
 
@@ -53,7 +53,7 @@ def test_what_comes_before_is_judged_as_if_nothing_followed(calm):
     assert without_runaway(kept, ROBOT, LEAST) is kept
     np.testing.assert_array_equal(kept.q, calm.q[: len(kept.q)])
     assert mean_square(rec) == pytest.approx(1.0, abs=0.2)
-    (note,) = Evidence([rec], h_max=1e-3).notes
+    (note,) = Evidence([rec]).notes
     assert "loses the arm" in note and "1.9 of 3 s" in note
 
 

@@ -44,7 +44,7 @@ def test_what_the_law_asks_for_is_what_the_drives_got():
 
 def test_a_model_that_drifts_is_compared_in_the_measured_posture(tilted):
     """The nominal arm drifts off by a tenth of a radian and more; the right model still stands at the noise floor."""
-    evidence = Evidence([tilted], h_max=1e-3)
+    evidence = Evidence([tilted])
     followed = without_drift(evidence, World())
     assert followed.recordings[0].control.mode == "torque"
     assert any("drift" in note for note in followed.notes)
@@ -55,7 +55,7 @@ def test_a_model_that_drifts_is_compared_in_the_measured_posture(tilted):
 
 
 def test_a_model_that_stays_near_keeps_its_loop(tilted):
-    evidence = Evidence([tilted], h_max=1e-3)
+    evidence = Evidence([tilted])
     assert without_drift(evidence, TILTED) is evidence
 
 

@@ -30,7 +30,7 @@ def fitted(world: World, folder: Path) -> tuple[Fit, float, float]:
     that.
     """
     recordings = [load(folder / f"rec-{i}") for i in (1, 2, 3)]
-    evidence, judged = evidence_for(recordings[:2]), evidence_for(recordings[2:], h_max=1e-3)
+    evidence, judged = evidence_for(recordings[:2]), evidence_for(recordings[2:])
     (fit,) = run_together([fit_job(evidence, world, range(len(world.effects)), iterations=12)], evidence.residuals)
     return fit, judged.rms_error(judged.residuals([fit.world])[0]), judged.floor
 
