@@ -153,7 +153,7 @@ def test_a_killed_one_goes_on_where_it_stood(rigs, by_hand):
 
 
 def test_a_search_that_ended_and_was_killed_has_its_last_values(rigs, tmp_path):
-    """Those of the command, fitted at the judge's step; the steps can still be taken back."""
+    """And its steps can still be taken back."""
     made = study(rigs, tmp_path)
     made.run()
     assert made.rungs[-1].error == made.subject.error(made.state.world)

@@ -8,10 +8,8 @@ from vispeg.api.inputs import Inputs
 from vispeg.diagnosis.beginning import Beginning, of_joints
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.proposal import placed, propose
-from vispeg.diagnosis.run import finer
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.search import Search
-from vispeg.diagnosis.selection.state import State
 from vispeg.identify.inverse import evidence_for
 from vispeg.identify.loops.soft import without_drift
 from vispeg.view.diagnose.plain import Plain
@@ -49,11 +47,6 @@ class Joints(Plain):
     def begin(self, world: World) -> Beginning:
         """Return the model with encoder resolutions read from the recordings, and with partial effects freed."""
         return of_joints(world, self.recordings, self.unit)
-
-    def last_values(self, state: State, n_fixed: int) -> State:
-        """Return the state with its values fitted at the physics step of the judge."""
-        assert isinstance(self.search, Search)  # there is a state only with a search
-        return finer(self.search, state, n_fixed)
 
     def maps(self, first: World, now: World) -> dict[str, Field]:
         """Return the missing torque over speed, load, position, phase and time."""

@@ -44,7 +44,6 @@ from vispeg.worlds.world import World
 
 SHOWN = 12  # number of candidates shown
 SUBJECTS = {"joints": Joints, "contact": Contact, "pictures": Borders}
-END = ["end"]  # the step of a search that ran to its end
 STEPS = "steps.json"  # name of the file with the steps, in the folder of the progress
 
 
@@ -183,8 +182,6 @@ class Study:
         """Let the search take steps by itself until no more follow."""
         while self.advance():
             pass
-        self._end()
-        self.show()
 
     def picture(self, track: int, moment: float, camera: str) -> None:
         """Send a camera's frame nearest to a moment (s) of a track, beside the model's rendering of it.
@@ -207,8 +204,7 @@ class Study:
         if not self.before:
             raise UserError("there is nothing to take back")
         self.state, self.rungs = self.before.pop()
-        while self.done.pop() == END:
-            pass
+        self.done.pop()
         self._write()
         self.scores = {}
         self.show()
@@ -282,13 +278,6 @@ class Study:
         self.done.append([*step])
         self._write()
 
-    def _end(self) -> None:
-        """Give the added effects the values that the command gives, as a step of its own that `undo` does not count."""
-        self.state = self.subject.last_values(self._searching()[1], self.n_fixed)
-        if len(self.rungs) > 1:  # the last rung is the model that is shown and saved, as in the command's ladder
-            self.rungs[-1] = replace(self.rungs[-1], error=self.subject.error(self.state.world))
-        self._did(*END)
-
     def _claimed(self) -> list[list[str]]:
         """Return the steps saved in this folder, and claim the folder for this search if it had none."""
         done = read_steps(self.part)["steps"]
@@ -306,9 +295,6 @@ class Study:
     def _again(self, step: list[str]) -> None:
         """Repeat a step of an earlier process, using its saved progress; skip effects already in the model."""
         self.tell("say", f"going on: {' '.join(step)}")
-        if step == END:
-            self._end()
-            return
         if step[0] != "fit":
             self.advance()
             return

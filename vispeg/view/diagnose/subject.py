@@ -89,10 +89,6 @@ class Subject(ABC):
         """Return the model before its search: here, with all its effects fixed."""
         return Beginning(world, len(world.effects))
 
-    def last_values(self, state: State, n_fixed: int) -> State:
-        """Return the state at the end of a search with the values that the command gives: here, as it is."""
-        return state
-
     @property
     def model(self) -> mujoco.MjModel:
         """The compiled model of `body`, to be drawn."""
