@@ -313,15 +313,15 @@ def test_a_joint_that_the_robot_does_not_have(tmp_path):
         typed("check", folder)
 
 
-def test_check_says_what_a_comparison_refuses_where_the_log_lacks_joints(tmp_path):
-    """Torques by the model's own inverse dynamics, the other joints at rest, in mN m taken for N m."""
+def test_check_doubts_what_a_comparison_doubts_where_the_log_lacks_joints(tmp_path):
+    """Torques by the model's own inverse dynamics, the other joints at rest, in kN m taken for N m."""
     rec = moving(3000, joints=("joint1", "joint2"))
     rate = np.gradient(rec.q_cmd, rec.time, axis=0)
     needs = needs_of(load_for(rec.joints, rec.robot), rec)
-    tau = 1e3 * needs(rec.q_cmd, rate, np.gradient(rate, rec.time, axis=0))
+    tau = 1e-3 * needs(rec.q_cmd, rate, np.gradient(rate, rec.time, axis=0))
     rec = replace(rec, tau=tau)
-    with pytest.raises(UserError, match="tau") as refused:
+    with pytest.warns(UserWarning, match="torques are 0.001 times what the model needs"):
         check_units(rec)
     write(rec, tmp_path / "rec")
     warned = vispeg.check(tmp_path / "rec").reports[0].warnings
-    assert any("tau" in line and "a unit is wrong" in line for line in warned), (refused.value, warned)
+    assert any("torques are 0.001 times what the model needs" in line for line in warned), warned
