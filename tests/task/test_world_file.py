@@ -408,11 +408,14 @@ def test_a_model_of_ones_own_arm_is_the_worlds_from_any_folder(own, monkeypatch)
     assert load(model.robot) is load(own / "arm.xml")
 
 
-def test_an_effect_of_servos_is_refused_as_an_entry_and_through_a_model(world, tmp_path):
+def test_an_effect_of_servos_is_refused_as_an_entry_and_left_out_of_a_model(world, tmp_path):
     entry = {"effect": "dead_band", "where": "joint2", "params": {"width": 0.01}}
+    friction = {"effect": "coulomb_friction", "where": "joint2", "params": {"torque": 1.0}}
     (tmp_path / "m.yaml").write_text(
-        yaml.safe_dump({"format": "vispeg-model/1", "robot": "iiwa14", "effects": [entry]})
+        yaml.safe_dump({"format": "vispeg-model/1", "robot": "iiwa14", "effects": [entry, friction]})
     )
-    for data in ({"effects": [entry]}, {"model": "m.yaml"}):
-        with pytest.raises(UserError, match=r"effects\[0\].effect: .* would change nothing"):
-            load_world(world(name="n", base="nominal", **data))
+    with pytest.raises(UserError, match=r"effects\[0\].effect: .* would change nothing"):
+        load_world(world(name="n", base="nominal", effects=[entry]))
+    with pytest.warns(UserWarning, match=r"m.yaml: dead_band\(joint2\) left out: a servo's loop takes angles"):
+        file = load_world(world(name="n", base="nominal", model="m.yaml"))
+    assert [r.label for r in file.world.ranges] == ["coulomb_friction(joint2)"]

@@ -16,6 +16,7 @@ from vispeg.worlds.places import ALL, MANY, check
 from vispeg.worlds.randomized import RandomizedEffect
 
 KEYS = ("effect", "where", "params", "chance", "group", "rho", "source")
+SERVO = "a servo's loop takes angles, and the arm of a world is sent torques"
 
 
 def ranged(entry: Any, model: Any, file: Path, key: str) -> RandomizedEffect:
@@ -37,7 +38,8 @@ def ranged(entry: Any, model: Any, file: Path, key: str) -> RandomizedEffect:
         if name not in KEYS:
             raise UserError("unknown key", file=file, key=f"{key}.{name}", got=name, choices=KEYS)
     kind = effect(entry.get("effect"), file=file, key=f"{key}.effect")
-    refuse_servo(kind, file, f"{key}.effect")
+    if of_servo(kind):
+        raise UserError(f"{kind.name} would change nothing: {SERVO}", file=file, key=f"{key}.effect")
     entries = entry.get("params") or {}
     if not isinstance(entries, Mapping):
         raise UserError("wrong params", file=file, key=f"{key}.params", expected="a mapping", got=entries)
@@ -67,11 +69,9 @@ def ranged(entry: Any, model: Any, file: Path, key: str) -> RandomizedEffect:
     )
 
 
-def refuse_servo(kind: Effect, file: Path, key: str) -> None:
-    """Raise UserError, which names file and key, for an effect of servos: the arm of a world is sent torques."""
-    if kind.channels() == {"servo", "load"}:
-        expected = "an effect of an arm that is sent torques; a servo's loop takes angles"
-        raise UserError(f"{kind.name} would change nothing", file=file, key=key, expected=expected)
+def of_servo(kind: Effect) -> bool:
+    """Return whether an effect acts in a servo's loop alone, which no arm of a world has."""
+    return kind.channels() == {"servo", "load"}
 
 
 def entry_dict(r: RandomizedEffect) -> Mapping[str, object]:

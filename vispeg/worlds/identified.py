@@ -14,7 +14,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.notes import note
 from vispeg.robots.model import same
 from vispeg.worlds.distribution import Normal
-from vispeg.worlds.entry import refuse_servo
+from vispeg.worlds.entry import SERVO, of_servo
 from vispeg.worlds.measurement_file import is_measurement, load_measurement
 from vispeg.worlds.model_file import load_model
 from vispeg.worlds.randomized import RandomizedEffect
@@ -127,9 +127,11 @@ def constant(placed: EffectInstance, names: Sequence[str]) -> str:
 
 
 def _all_ranged(effects: Sequence[EffectInstance], stated: Identified) -> tuple[RandomizedEffect, ...]:
-    for i, placed in enumerate(effects):
-        refuse_servo(effect(placed.effect), stated.file, f"effects[{i}].effect")
-    return tuple(_ranged(placed, stated) for placed in effects)
+    """Return the ranges of all effects but those of servos, which a note names."""
+    servos = [placed.label for placed in effects if of_servo(effect(placed.effect))]
+    if servos:
+        note(f"{stated.file}: {', '.join(servos)} left out: {SERVO}")
+    return tuple(_ranged(placed, stated) for placed in effects if not of_servo(effect(placed.effect)))
 
 
 def _ranged(placed: EffectInstance, stated: Identified) -> RandomizedEffect:
