@@ -11,7 +11,7 @@ import pytest
 from pressed import SCENE, recorded
 
 from vispeg.contact.drive import hands
-from vispeg.contact.errors.noise import excess_noise
+from vispeg.contact.errors.noise import excess_noise, noise, noise_at_rest
 from vispeg.contact.errors.nuisance import Nuisance
 from vispeg.contact.hand import AXES, grasp, hand
 from vispeg.contact.inputs import touching
@@ -226,6 +226,32 @@ def test_noise_as_stated_of_a_sensor_off_the_flange_is_no_excess(pos):
         for ft in about + sigma * rng.standard_normal((2, *about.shape))
     ]
     assert excess_noise(World(), *halves) == ()
+
+
+@pytest.mark.parametrize(("hz", "stated"), [(500.0, True), (500.0, False), (100.0, False), (47.0, True), (47.0, False)])
+def test_noise_of_a_slower_wrench_is_what_block_means_show(hz, stated):
+    """White noise at `hz`, interpolated onto the joints' clock; the truth: block means of 10 minutes of it.
+
+    The tolerance is three standard errors of 16 blocks at rest and three axes.
+    """
+    rec, rng, sigma = recorded(), stream(5, f"slower {hz}"), np.repeat([0.5, 0.025], 3)
+
+    def slow(time):
+        at = np.arange(0.0, time[-1] + 1 / hz, 1 / hz)
+        return np.stack([np.interp(time, at, s * rng.standard_normal(len(at))) for s in sigma], axis=1)
+
+    size = round(RULES.contact_block * rec.rate_hz)
+    truth = slow(np.arange(15000 * size) / rec.rate_hz).reshape(-1, size, 6).mean(axis=1).std(axis=0)
+    kept = {"ft": np.hypot(0.1, 0.5), "ft_torque": np.hypot(0.005, 0.025)} if stated else {}
+    heard = {k: v for k, v in rec.noise.items() if not k.startswith("ft")} | kept
+    item = evidence_of([replace(rec, ft=rec.ft + slow(rec.time), noise=heard)]).items[0]
+    found = noise(item)
+    if hz == rec.rate_hz:
+        np.testing.assert_array_equal(found, np.repeat(list(kept.values()), 3) if stated else noise_at_rest(item)[0])
+    for part in (slice(0, 3), slice(3, 6)):
+        expected = np.hypot(truth[part], 0.2 * sigma[part] / np.sqrt(size)).mean()
+        assert found[part].mean() / np.sqrt(size) == pytest.approx(expected, rel=0.4)
+    assert not excess_noise(World(), [item], [item]), "the sensor is as noisy as it was said to be"
 
 
 def test_what_sticks_is_told_a_least_friction_and_no_greatest():

@@ -27,13 +27,30 @@ def noise_at_rest(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
     return level, SPREAD * level / np.sqrt(2 * len(rest))
 
 
+def noise_of_blocks(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
+    """Return the noise of block means at rest, (6,) N and N m, as that of independent samples, and its standard error.
+
+    It exceeds `noise_at_rest` if the noise of neighbouring samples is alike, as where a slower sensor's readings were
+    interpolated. It is taken from the steps between neighbouring blocks (von Neumann's estimate), free of drift.
+    """
+    means = item.phase.means(item.path.wrench[None])[0, item.phase.resting]
+    samples, m = item.period / np.median(np.diff(item.path.clock)), len(means)
+    level = np.sqrt(0.5 * samples * np.mean(np.diff(means, axis=0) ** 2, axis=0))
+    return level, level * np.sqrt(3 * m - 4) / (2 * (m - 1))
+
+
 def noise(item: ContactItem) -> np.ndarray:
-    """Return the noise (6,) N, N m: as stated, or as measured if that is clearly larger or none is stated."""
-    level, error = noise_at_rest(item)
-    if wrench_noise(item.recording.noise) is None:
-        return level
-    stated = _stated(item)
-    return np.where(_excess([item])[0], np.maximum(level, stated), stated)
+    """Return the noise (6,) N, N m, as that of independent samples.
+
+    It is as stated, or as measured if that is clearly larger or none is stated; or as block means show, if that is
+    clearly larger still.
+    """
+    level, _ = noise_at_rest(item)
+    if wrench_noise(item.recording.noise) is not None:
+        stated = _stated(item)
+        level = np.where(_excess([item])[0], np.maximum(level, stated), stated)
+    slow, error = noise_of_blocks(item)
+    return np.where(_louder(slow, error, level), np.maximum(slow, level), level)
 
 
 def excess_noise(
@@ -59,20 +76,25 @@ def excess_noise(
 
 
 def _excess(items: Sequence[ContactItem]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return which channels have more noise than stated, (6,) bool, with measured noise, its error, stated noise.
-
-    The three force channels are decided together, and so are the three torque channels. The excess must be larger than
-    rounding and chance explain.
-    """
+    """Return which channels have more noise than stated, (6,) bool, with measured noise, its error, stated noise."""
     values = [noise_at_rest(i) for i in items]
     level = np.sqrt(np.mean([s**2 for s, _ in values], axis=0))
     error = np.sqrt(np.sum([e**2 for _, e in values], axis=0)) / len(values)
     stated = np.sqrt(np.mean([np.square(_stated(i)) for i in items], axis=0))
+    return _louder(level, error, stated), level, error, stated
+
+
+def _louder(level: np.ndarray, error: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Return which channels' noise (6,), of such standard errors, is larger than a known one, (6,) bool.
+
+    The three force channels are decided together, and so are the three torque channels. The excess must be larger than
+    rounding and chance explain.
+    """
     more = np.zeros(6, bool)
     for part in PARTS.values():
         low = level[part].mean() - RULES.noise_sigmas * error[part].mean() / np.sqrt(3)
-        more[part] = low > RULES.noise_louder * stated[part].mean()
-    return more, level, error, stated
+        more[part] = low > RULES.noise_louder * known[part].mean()
+    return more
 
 
 def _stated(item: ContactItem) -> np.ndarray:
