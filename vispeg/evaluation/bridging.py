@@ -197,7 +197,7 @@ def _at_random(remainder: Remainder) -> list[tuple[str, float, float]]:
 
 def _digest(remainder: Remainder) -> str:
     """Return a digest of a remainder, so that a resumed run can check that it is unchanged."""
-    hashed = hashlib.sha256()
+    hashed = hashlib.sha256(repr((remainder.joints, remainder.period, remainder.tick)).encode())
     for piece in remainder.pieces:
         hashed.update(np.round(piece, 6).tobytes())
     return hashed.hexdigest()[:12]
