@@ -79,7 +79,7 @@ def ranges_of(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
         robot: name or path of the cell's arm.
 
     Raises:
-        UserError: the file cannot be used, belongs to another robot, or has an effect of servos.
+        UserError: the file cannot be used, or belongs to another robot.
     """
     path = stated.file
     if path.suffix.lower() not in (".yaml", ".yml"):
