@@ -43,7 +43,7 @@ def test_what_is_found_predicts_another_motion_down_to_the_noise(name):
     drawn = targets[int(rng.integers(len(targets)))]  # limits stand where a motion runs into them
     where = targets[len(targets) // 2] if name in TRUTH else drawn
     hidden = EffectInstance.of(name, where, **truth_of(name))
-    step = min(2e-3, kind.stable_step(truth_of(name)))
+    step = min(1e-3, kind.stable_step(truth_of(name)))
     seed = 1 if mode_of(kind) == "position" else 0  # a servo without gains falls on some motions
     rigs = [
         recorded(

@@ -47,7 +47,7 @@ def fitted(name: str, seed: int = 5) -> tuple[Fit, float]:
     where = kind.targets(ROBOT)[len(kind.targets(ROBOT)) // 2]
     truth = World().add(EffectInstance.of(name, where, **truth_of(name)))
     motions = [iiwa_segment(mode_of(kind), 1.6, motion) for motion in ("fourier", "triangle")]
-    step = min(2e-3, kind.stable_step(truth_of(name)))
+    step = min(1e-3, kind.stable_step(truth_of(name)))
     evidence = Evidence(
         [recorded(ROBOT, "iiwa14", truth, s, stream(seed, name, i), h_max=step) for i, s in enumerate(motions)]
     )

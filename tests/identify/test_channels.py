@@ -24,7 +24,7 @@ PINNED = {"position": (0.890993, 1243.437), "unknown": (0.931912, 3.428542)}
 
 def evidence(mode: str):
     segment = iiwa_segment("position", 3.0)
-    rec = recorded(ROBOT, "iiwa14", World(), segment, stream(1, "channels"))
+    rec = recorded(ROBOT, "iiwa14", World(), segment, stream(1, "channels"), h_max=1e-3)
     if mode == "unknown":
         rec = replace(rec, control=Control("unknown", rec.rate_hz), q_cmd=None, dq_cmd=None)
     return evidence_for([rec])

@@ -136,7 +136,7 @@ def test_readings_beyond_what_is_needed_are_left_out_evenly(recordings, evidence
         split(part, part.residuals([World()])[0]), split(evidence, evidence.residuals([World()])[0]), strict=True
     )
     for (_, some), (_, every) in pairs:
-        np.testing.assert_allclose(some, every[::3], rtol=1e-9)
+        np.testing.assert_allclose(some, every[::3], rtol=1e-9, atol=1e-9)  # of noise; sums of another order
     assert len(part.notes) == len(evidence.notes) + 2 and all("one sample in 3" in note for note in part.notes[:2])
 
 
