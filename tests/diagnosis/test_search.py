@@ -21,7 +21,6 @@ from vispeg.diagnosis.selection.search import Search, suspects
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, fit_job
-from vispeg.identify.inverse import evidence_for
 from vispeg.identify.pool import run_together
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import load
@@ -201,11 +200,6 @@ def test_effects_are_exchanged_where_nothing_more_would_be_added(recordings):
     stays = state.world
     search.go_on(state, 0)
     assert state.world == stays
-
-
-def test_fitted_and_held_out_recordings_are_simulated_at_one_step(recordings):
-    both = [evidence_for(some, beside=recordings) for some in (recordings[:2], recordings[2:])]
-    assert len({e.h_max for e in both}) == 1
 
 
 class Knowing(Search):

@@ -546,7 +546,7 @@ class Exchanged:
 
     # fmt: off
     exchange: float = _rule(0.01, "all", "c6d6e56d",
-        "Share of the held-out error that an exchange of effects must remove.",
+        "Share of the held-out error, and in a search of the fitted one, that an exchange of effects must remove.",
         case="effects at a bound in the place of others")
     exchanges: int = _rule(3, "all", "fbd72ba7",
         "Exchanges of an effect with its rival at most.")
