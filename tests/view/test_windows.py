@@ -38,6 +38,10 @@ def test_no_page_has_a_serious_finding_of_axe_or_lacks_a_panel(rigs, page_of, se
         page.get_by_text(one.title, exact=True).first.click()
         page.wait_for_selector(f"text=vispeg · {one.title}")
         page.wait_for_timeout(500)
+        if one.title == "Worlds":  # what cameras see comes when it is drawn
+            page.wait_for_selector("img[src^='blob:']", state="attached", timeout=120_000)
+            names = page.evaluate("[...document.querySelectorAll(\"img[src^='blob:']\")].map(e => e.alt)")
+            assert names and all(name not in ("", "picture") for name in names)
         assert page.evaluate("document.documentElement.scrollWidth") <= width
         assert page.evaluate(GRAVE) == [], one.title
         button = page.get_by_text("Maps, plots and pictures of this page")

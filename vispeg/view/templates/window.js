@@ -23,24 +23,32 @@ const named = (element, name) => {
     element.setAttribute('aria-label', name);
   }
 };
-const bars = () => document.querySelectorAll('[role=progressbar]').forEach((e) => named(e, 'working'));
+const every = (selector, change) => document.querySelectorAll(selector).forEach(change);
+const atOnce = () => {
+  every('[role=progressbar]', (e) => named(e, 'working'));
+  every('img:not([alt])', (e) => { // its label stands above it
+    const above = e.closest('[role=dialog]')?.querySelector('h2') ?? e.parentElement.previousElementSibling;
+    e.alt = above?.textContent.trim() || 'picture';
+  });
+  every('[data-scrollarea-viewport]:not([tabindex])', (e) => { e.tabIndex = 0; }); // so that keys can scroll it
+};
 const name = () => {
   if (!told) tell();
-  for (const label of document.querySelectorAll('label[for]')) {
+  every('label[for]', (label) => {
     const row = rowOf(label);
     if (row) row.querySelectorAll('input:not([type=hidden]), [role=slider]').forEach((e) => named(e, label.textContent));
-  }
-  document.querySelectorAll('[aria-label^="Expand panel"]').forEach((e) => {
+  });
+  every('[aria-label^="Expand panel"]', (e) => {
     const label = 'Expand panel ' + e.innerText.replace(/\s+/g, ' ').trim();
     if (e.getAttribute('aria-label') !== label) e.setAttribute('aria-label', label);
   });
-  document.querySelectorAll('button').forEach((e) => {
+  every('button', (e) => {
     if (!e.textContent.trim()) named(e, /Close/.test(e.className) ? 'close' : 'more');
   });
 };
 const lead = () => { // to the second panel, where there is one
   const there = document.querySelector('.mantine-Tabs-root') !== null;
-  document.querySelectorAll('.vp.below').forEach((e) => { if (e.hidden === there) e.hidden = !there; });
+  every('.vp.below', (e) => { if (e.hidden === there) e.hidden = !there; });
 };
 let waits = false;
 const later = () => {
@@ -48,9 +56,9 @@ const later = () => {
   waits = true;
   setTimeout(() => { waits = false; name(); lead(); }, 200);
 };
-bars();
+atOnce();
 name();
 lead();
 dark.addEventListener('change', tell);
-// a bar comes and goes while a page works: it has its name at once, the rest a moment later
-new MutationObserver(() => { bars(); later(); }).observe(document.body, { childList: true, subtree: true });
+// bars and pictures come and go while a page works: they have their names at once, the rest a moment later
+new MutationObserver(() => { atOnce(); later(); }).observe(document.body, { childList: true, subtree: true });
