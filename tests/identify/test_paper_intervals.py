@@ -7,7 +7,7 @@ import pytest
 
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
-from vispeg.identify.paper import protocol
+from vispeg.identify.paper import intervals, protocol
 from vispeg.identify.paper.intervals import determine
 from vispeg.recordings.load import load
 from vispeg.worlds.world import World
@@ -65,6 +65,25 @@ def test_steps_without_a_measured_pose_are_not_compared(determined):
     assert protocol.cost(some, path) == pytest.approx(
         protocol.cost(pieces, path) - np.linalg.norm((pieces.measured - path)[0]) + left
     )
+
+
+def test_samples_without_a_measured_pose_tell_nothing(recorded):
+    """A tracker that reads at every fifth sample: as sure as those samples alone, and less sure than all of them."""
+    whole = protocol.cut(load(recorded))
+    kept = np.arange(protocol.STEPS) % 5 == 4
+    few = replace(whole, measured=np.where(kept[:, None], whole.measured, np.nan))
+    alone = replace(
+        whole,
+        segments=tuple(replace(s, time=s.time[kept], rows=s.rows[kept]) for s in whole.segments),
+        measured=whole.measured[:, kept],
+    )
+    space = protocol.Coordinates(World(), whole)
+    space.axes = [axis for axis in space.axes if axis[:2] in (("viscous_friction", "joint4"), ("link_mass", "link6"))]
+    half = [
+        intervals._half_widths(space, *intervals._slope(space, p, space.start, 1), p.compared)
+        for p in (whole, few, alone)
+    ]
+    assert half[1] == pytest.approx(half[2]) and (half[1] > half[0]).all()
 
 
 def test_missing_angles_are_no_positions_where_the_flange_was_not_measured(determined, recorded):

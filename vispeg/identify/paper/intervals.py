@@ -48,7 +48,7 @@ def determine(space: Coordinates, pieces: Pieces, fitted: World, nthread: int = 
     """
     x = Coordinates(fitted, pieces).start
     x, gap, slope = _polished(space, pieces, x, nthread)
-    half = _half_widths(space, gap, slope)
+    half = _half_widths(space, gap, slope, pieces.compared)
     low, high = space.bounds
     world, undetermined = space.at(x), []
     effects = {(e.effect, e.where): e for e in world.effects}
@@ -71,7 +71,7 @@ def _polished(
     best = np.linalg.norm(gap, axis=1).sum()
     for _ in range(POLISH):
         hessian, gradient = _curvature(slope, gap), _gradients(slope, gap).sum(axis=0)
-        prior = np.diag(_prior(space, gap))
+        prior = np.diag(_prior(space, gap, pieces.compared))
         step = np.linalg.solve(hessian + prior, gradient)
         tries = [np.clip(x + share * step, low, high) for share in (1.0, 0.5, 0.2, 0.05)]
         costs = [cost(pieces, y) for y in paths(pieces, [space.at(at) for at in tries], nthread)]
@@ -83,15 +83,19 @@ def _polished(
 
 
 def _slope(space: Coordinates, pieces: Pieces, x: np.ndarray, nthread: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return measured minus simulated (npiece, m) m, and the path's slope (npiece, m, p), m per typical size."""
+    """Return measured minus simulated (npiece, m) m, and the path's slope (npiece, m, p), m per typical size.
+
+    Both are 0 where no position was measured.
+    """
     low, high = space.bounds
     up, down = (np.clip(x + sign * STEP * np.eye(len(x)), low, high) for sign in (1, -1))
     worlds = [space.at(at) for at in (x, *up, *down)]
     y = paths(pieces, worlds, nthread).reshape(len(worlds), len(pieces.segments), -1)
     n = len(x)
     width = np.diagonal(up - down)[:, None, None]
-    slope = np.nan_to_num((y[1 : n + 1] - y[n + 1 :]) / width)
-    return np.nan_to_num(pieces.measured.reshape(len(pieces.segments), -1) - y[0]), np.moveaxis(slope, 0, -1)
+    measured = pieces.measured.reshape(len(pieces.segments), -1)
+    slope = np.nan_to_num((y[1 : n + 1] - y[n + 1 :]) / width) * np.isfinite(measured)
+    return np.nan_to_num(measured - y[0]), np.moveaxis(slope, 0, -1)
 
 
 def _norms(gap: np.ndarray) -> np.ndarray:
@@ -108,22 +112,28 @@ def _gradients(slope: np.ndarray, gap: np.ndarray) -> np.ndarray:
     return np.einsum("kmp,km,k->kp", slope, gap, 1 / _norms(gap))
 
 
-def _prior(space: Coordinates, gap: np.ndarray) -> np.ndarray:
+def _prior(space: Coordinates, gap: np.ndarray, samples: float) -> np.ndarray:
     """Return the curvature (p,) equivalent to a uniform prior between the bounds, in the cost's unit."""
     low, high = space.bounds
-    return 12 / (high - low) ** 2 * _norms(gap).mean() / gap.shape[1]
+    return 12 / (high - low) ** 2 * _norms(gap).mean() / samples
 
 
-def _half_widths(space: Coordinates, gap: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Return half of the 95 % intervals, (p,) in typical sizes."""
-    pieces, samples = gap.shape
+def _half_widths(space: Coordinates, gap: np.ndarray, slope: np.ndarray, samples: float) -> np.ndarray:
+    """Return half of the 95 % intervals, (p,) in typical sizes.
+
+    Args:
+        space: of the fit.
+        gap, slope: as `_slope` returns them.
+        samples: number of compared coordinates in a piece.
+    """
+    pieces = len(gap)
     hessian, gradients = _curvature(slope, gap), _gradients(slope, gap)
     independent = np.einsum("kmp,kmq->pq", slope, slope) / samples  # covariance of the gradients for independent errors
     scale, axes = np.linalg.eigh(independent)
     informative = scale > SHOWN * scale.max()
     spread = ((gradients @ axes[:, informative]) ** 2).sum(axis=0) / scale[informative] * pieces / (pieces - 1)
     alike = max(float(spread.mean()), 1.0)
-    information = hessian * samples / (_norms(gap).mean() * alike) + np.diag(_prior(space, gap)) * samples / (
+    information = hessian * samples / (_norms(gap).mean() * alike) + np.diag(_prior(space, gap, samples)) * samples / (
         _norms(gap).mean()
     )
     return student.ppf(0.975, pieces - 1) * np.sqrt(np.diagonal(np.linalg.inv(information)))

@@ -53,6 +53,11 @@ class Pieces:
         length = self.segments[0].ticks * self.segments[0].tick
         return np.concatenate([k * length + s.time for k, s in enumerate(self.segments)])
 
+    @property
+    def compared(self) -> float:
+        """Mean number of coordinates in a piece that were measured, and so are compared."""
+        return float(np.isfinite(self.measured).sum() / len(self.measured))
+
 
 def cut(rec: Recording, pieces: int = PIECES, steps: int = STEPS) -> Pieces:
     """Cut a recording into equal pieces, or use its episodes if there are as many.
