@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from vispeg.api.measure.quantity import measure_com
 from vispeg.core.errors import UserError
 from vispeg.measure import com
 from vispeg.measure.from_recordings import at_rest, presses, slides
@@ -112,6 +113,39 @@ def test_a_tool_at_rest_weighs_the_same_where_poses_come_less_often_than_wrenche
 def test_a_wrench_whose_weight_the_robot_subtracts_weighs_nothing_and_is_refused(tmp_path):
     with pytest.raises(UserError, match="wrench.tared: the robot has subtracted the tool's weight"):
         found(carried(WrenchSensor(tared="weight")), tmp_path)
+
+
+TOOL = {"mass_kg": MASS, "com_m": CENTRE.tolist(), "inertia_kgm2": [1e-3, 1e-3, 1e-3]}
+
+
+def becomes(tool, folder):
+    """What a measurement of the carried tool writes, where the recording declares this tool."""
+    held = write(replace(carried(), tool=tool), folder / "held")
+    return measure_com(held, folder / "com.yaml").measurement
+
+
+def test_a_load_that_the_recording_declares_is_no_payload(tmp_path):
+    found = becomes(TOOL, tmp_path)
+    assert {q.quantity: q.value for q in found.results} == TRUTH
+    assert not found.effects and "the declared tool alone" in " ".join(found.notes)
+
+
+def test_a_payload_is_what_the_flange_carries_beside_the_declared_tool(tmp_path):
+    """A tool of 1 kg hangs 3 cm away from the whole load's centre: the other half kilogram balances it."""
+    at = CENTRE + [0.03, 0.0, 0.0]
+    found = becomes({**TOOL, "mass_kg": 1.0, "com_m": at.tolist()}, tmp_path)
+    rest = (MASS * CENTRE - 1.0 * at) / (MASS - 1.0)
+    (payload,) = found.effects
+    for key, value in dict(zip(("mass", *"xyz"), (MASS - 1.0, *rest), strict=True)).items():
+        got = payload.params[key]
+        assert got.value == pytest.approx(value, abs=2e-3) and got.low < value < got.high
+    assert {q.quantity: q.value for q in found.results} == TRUTH
+
+
+def test_recordings_of_different_tools_are_no_measurement_of_one(tmp_path):
+    a, b = (write(replace(carried(), tool=tool), tmp_path / name) for name, tool in (("a", None), ("b", TOOL)))
+    with pytest.raises(UserError, match="a recording of another tool"):
+        measure_com([a, b], tmp_path / "com.yaml")
 
 
 def test_missing_angles_neither_make_rests_of_a_motion_nor_turn_the_flange(tmp_path):

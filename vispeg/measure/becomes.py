@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
 
 import vispeg.effects  # noqa: F401  (names must be enrolled)
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.params import Value
+from vispeg.measure.uncertainty import Input, propagate, stated
 from vispeg.worlds.measurement_file import Quantity
 
 SCALES = {  # quantity -> effect whose parameter `scale` is the quantity divided by its nominal value
@@ -54,6 +58,38 @@ def placed(name: str, where: str, values: Mapping[str, Value], quantity: Quantit
     }
     usual = EffectInstance.of(name, where)
     return EffectInstance(name, where, {**usual.params, **bounded}, {"measured": quantity.quantity})
+
+
+def undeclared(results: Sequence[Quantity], tool: tuple[float, np.ndarray], rng: np.random.Generator) -> list[Quantity]:
+    """Return mass, com_x, com_y and com_z of what a flange carries beside the declared tool.
+
+    Args:
+        results: the same numbers of everything that the flange carries.
+        tool: the tool's mass, kg, and centre of mass (3,), m, flange frame.
+        rng: of the Monte Carlo propagation.
+
+    Raises:
+        UserError: the measured mass is that of the tool.
+    """
+    by_name = {q.quantity: q for q in results}
+    mass, (known, centre) = by_name["mass"], tool
+    if mass.low <= known <= mass.high:
+        expected, got = f"another mass than {known:g} kg", f"{mass.low:g} to {mass.high:g} kg"
+        raise UserError("the flange carries the declared tool alone", expected=expected, got=got)
+    weighed = _input(mass)
+    rest = [propagate("mass", mass.unit, lambda m: m - known, [weighed], rng, repeats=mass.repeats)]
+    for name, at in zip(("com_x", "com_y", "com_z"), centre, strict=True):
+        q = by_name[name]
+
+        def left(m: Any, c: Any, at: float = at) -> Any:
+            return (m * c - known * at) / (m - known)
+
+        rest.append(propagate(name, q.unit, left, [weighed, _input(q)], rng, repeats=q.repeats))
+    return rest
+
+
+def _input(q: Quantity) -> Input:
+    return stated(q.quantity, q.u, q.value, np.inf if q.dof is None else q.dof)
 
 
 def payload(results: Sequence[Quantity], mass: Quantity | None, axes: Sequence[str] = "xyz") -> EffectInstance:

@@ -18,9 +18,11 @@ from vispeg.recordings.cell import WrenchSensor, canonical, reaction
 from vispeg.recordings.differentiate import bridged
 from vispeg.recordings.load import load
 from vispeg.recordings.recording import Recording
+from vispeg.robots.model import load as load_robot
 from vispeg.robots.model import tilted
 from vispeg.sim.compiled import flange_pose
 from vispeg.sim.recorded import with_robot
+from vispeg.sim.touch import tool_of
 from vispeg.sim.units import check_units
 
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -54,6 +56,24 @@ def at_rest(paths: Sequence[Path]) -> Readings:
             down.append(turn[(rows.start + rows.stop) // 2].inv().apply(tilted(DOWN, *rec.base_tilt)))
     names = ("fx", "fy", "fz", "tx", "ty", "tz", "gx", "gy", "gz")
     return Readings(paths[0], dict(zip(names, np.hstack([wrench, down]).T, strict=True)))
+
+
+def declared_tool(paths: Sequence[Path]) -> tuple[float, np.ndarray]:
+    """Return mass, kg, and centre of mass (3,), m, flange frame, of the tool that the recordings declare.
+
+    Both are 0 without a tool.
+
+    Raises:
+        UserError: a recording that cannot be read, an unknown tool, or recordings of different tools.
+    """
+    declared = [(rec.robot, rec.tool) for rec in (load(path, lambda header: ()) for path in paths)]
+    tools = [(0.0, np.zeros(3)) if tool is None else tool_of(load_robot(robot, tool))[:2] for robot, tool in declared]
+    first = np.hstack(tools[0])
+    for path, tool in zip(paths, tools, strict=True):
+        if not np.allclose(np.hstack(tool), first):
+            expected, got = f"{first[0]:g} kg, as the first one's", f"{tool[0]:g} kg"
+            raise UserError("a recording of another tool", file=path, key="tool", expected=expected, got=got)
+    return tools[0]
 
 
 def slides(paths: Sequence[Path]) -> Readings:

@@ -85,7 +85,7 @@ def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = Non
     wrench = canonical(rec.ft, rec.wrench or WrenchSensor(), axes)
     weight = compiled(arm).opt.gravity
     weighed = rec.wrench is not None and rec.wrench.tared == "weight"
-    needed = _needed(_tool(arm), axes, twist[:, 3:], rate, np.zeros(3) if weighed else weight)
+    needed = _needed(tool_of(arm), axes, twist[:, 3:], rate, np.zeros(3) if weighed else weight)
     residual = needed - np.concatenate([rotated(quat, wrench[:, :3]), rotated(quat, wrench[:, 3:])], axis=1)
     residual[np.isnan(rec.q).any(axis=1)] = np.nan  # the motion is only interpolated there
     contact = _zeroed(rec, bridged(rec.time, residual, rec.episode), axes)  # a missing reading does not end a touch
@@ -131,7 +131,7 @@ def _flange(arm: RobotModel, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> 
     return tuple(np.concatenate(p) for p in zip(*parts, strict=True))
 
 
-def _tool(arm: RobotModel) -> tuple[float, np.ndarray, np.ndarray]:
+def tool_of(arm: RobotModel) -> tuple[float, np.ndarray, np.ndarray]:
     """Return the tool's mass, kg, centre (3,), m, and inertia (3,), kg m^2, in flange axes; 0 without a tool."""
     model = compiled(arm)
     if not any(model.body(b).name == "tool" for b in range(model.nbody)):

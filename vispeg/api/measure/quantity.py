@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -16,8 +17,8 @@ from vispeg.core.params import Value
 from vispeg.core.seeds import stream
 from vispeg.core.several import several
 from vispeg.measure import com, friction, mass, restitution, stiffness
-from vispeg.measure.becomes import payload, placed, scaled
-from vispeg.measure.from_recordings import at_rest, presses, slides
+from vispeg.measure.becomes import payload, placed, scaled, undeclared
+from vispeg.measure.from_recordings import at_rest, declared_tool, presses, slides
 from vispeg.measure.outcome import Outcome
 from vispeg.measure.readings import Readings, of_instruments, read
 from vispeg.robots.scene import FIXTURE
@@ -76,6 +77,9 @@ def measure_com(
 ) -> MeasurementResult:
     """Measure a centre of mass, from wrenches at rest or plumb lines on a photograph.
 
+    The numbers are of everything that the flange carries. The effect is what it carries beside the tool that the
+    recordings declare.
+
     Args:
         readings: one table, or recordings that hold still in four attitudes or more and have a wrench.
         out: the measurement file to write (.yaml).
@@ -92,13 +96,20 @@ def measure_com(
     def measure(rng: np.random.Generator) -> Outcome:
         if _is_table(paths):
             return com.measure(_table(paths[0], settings), rng)
-        return com.attitudes(_stated(at_rest(paths), settings), rng)
+        outcome = com.attitudes(_stated(at_rest(paths), settings), rng)
+        if not tool[0]:
+            return outcome
+        said = f"the effect is what the flange carries beside the declared tool of {tool[0]:g} kg"
+        return replace(outcome, notes=(*outcome.notes, said))
 
     if not set(axes) <= set("xyz") or len(axes) != 2 or len(set(axes)) < 2:
         raise UserError("not two axes", key="--axes", expected="two of x y z", got=" ".join(axes))
     weighed = None if mass_file is None else load_measurement(mass_file).result("mass")
+    tool = (0.0, np.zeros(3)) if _is_table(paths) else declared_tool(paths)
 
     def effects(results: Sequence[Quantity]) -> list[EffectInstance]:
+        if tool[0]:
+            results = undeclared(results, tool, stream(settings.seed, "measure", "com", "undeclared"))
         flat = all(q.quantity != "mass" for q in results)
         return [payload(results, weighed, axes if flat else "xyz")]
 
