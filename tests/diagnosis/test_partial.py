@@ -14,6 +14,7 @@ from vispeg.diagnosis.run import diagnose
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.search import Search
 from vispeg.identify.evidence import Evidence
+from vispeg.recordings.recording import Control
 from vispeg.worlds.model_file import load_model, model_text
 from vispeg.worlds.world import World
 
@@ -51,6 +52,24 @@ def test_partial_truth_is_written_and_the_next_diagnosis_begins_with_it(recordin
     assert last["heldout_error"] <= 1.01 * first["heldout_error"] < 0.9 * on.record["ladder"][0]["heldout_error"]
     (anew,) = [e for e in on.record["effects"] if e["effect"] == "coulomb_friction"]
     assert anew["params"]["torque"]["value"] == pytest.approx(0.8, abs=0.1), "what is partial does not stay as it was"
+
+
+def test_intervals_count_all_that_the_fitted_effects_leave_though_the_model_had_them_already():
+    """Torques of a pendulum with dry friction that also trembles at 5 Hz, which no effect of the library does."""
+    robot, out = pendulum(), []
+    for i in range(2):
+        t = np.arange(800) * 5e-3
+        q = 0.4 * (1 - np.cos(2 * np.pi * (0.7 + 0.25 * i) * t))[:, None]
+        s = drive(robot, "position", q[0], command=q, seconds=4.0, rate=200.0, kp=60.0, kd=4.0)
+        rec = recorded(robot, robot.source, hinge("coulomb_friction", torque=0.8), s, stream(3, i), sensor="motor")
+        tremble = 0.5 * np.sin(2 * np.pi * 5.0 * t + i)[:, None]
+        out.append(replace(rec, control=Control("unknown", 200.0), q_cmd=None, tau=rec.tau + tremble))
+    found = diagnose(World(out[0].robot), out[:1], out[1:], nthread=1, plan_next=False)
+    assert found.world.effects[0].partial
+    again = diagnose(found.world, out[:1], out[1:], nthread=1, plan_next=False)
+    ((first,), (second,)) = ([e.params["torque"] for e in d.world.effects] for d in (found, again))
+    assert first.low is not None and first.low < 0.8 * first.value
+    assert (second.low, second.high) == pytest.approx((first.low, first.high), rel=0.02)
 
 
 def test_effects_are_partial_where_a_remainder_is_left():

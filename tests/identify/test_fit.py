@@ -75,6 +75,17 @@ def test_a_record_of_a_fit_has_the_error_that_a_comparison_of_its_model_has():
     assert record["chi2"] == pytest.approx(compare(world, recordings).record["chi2"], rel=1e-6)
 
 
+def test_a_fit_that_begins_where_another_ended_has_its_intervals():
+    """What the model leaves is measured against the error without the fitted effects, not that of the model given."""
+    ev = evidence(TRUTH, 0)
+    found = calibrate(ev, hinge("coulomb_friction", torque=0.1), [0], seed=0)
+    _, world = fit_record(START, found, [0], ev, None)
+    _, again = fit_record(world, calibrate(ev, world, [0], seed=0), [0], ev, None)
+    first, second = (w.effects[0].params["torque"] for w in (world, again))
+    assert first.high is not None and first.high > 1.05 * first.value, "an effect is missing"
+    assert (second.low, second.value, second.high) == pytest.approx((first.low, first.value, first.high), rel=0.02)
+
+
 def test_misfit_widens_intervals_by_what_is_left_where_readings_are_compared():
     """Errors of three stated noises widen as a variance of nine would, also where readings are not compared."""
     bold = [replace(rec, noise={k: v / 3.0 for k, v in rec.noise.items()}) for rec in evidence(TRUTH, 0).recordings]

@@ -102,7 +102,7 @@ def diagnose_contact(
     rests = [*remainder(evidence, state.world), *remainder(judged, state.world, held_out=True)]
     seen = (errors[0] / judged.floor, errors[1] / judged.floor)
     verdict = in_phases(decide(before, after, len(fitted_world.effects) - n_fixed, rivals, [], errors=seen), rests)
-    wrong = of_form(evidence, state.fit, before, after)
+    wrong = of_form(evidence, state.fit, judge.mean(judge.losses([begin.bare])[0]), after)
     corrected = widened(repeated(state.world, n_fixed), range(n_fixed, len(state.world.effects)), wrong).add(*beside)
     models = {"given": world, "corrected": corrected} if len(corrected.effects) > n_fixed else {"given": world}
     replayed, said = closed_loop(held_out, models, nthread)

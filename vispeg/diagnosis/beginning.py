@@ -32,10 +32,14 @@ class Beginning:
     read: tuple[EffectInstance, ...] = ()
 
     @property
+    def bare(self) -> World:
+        """World without the effects to refit: fixed effects, then those read from the data."""
+        return replace(self.world, effects=(*self.world.effects[: self.n_given], *self.read))
+
+    @property
     def first(self) -> World:
-        """World at the start of the search: fixed effects, those read from the data, then those to refit."""
-        firm, open_ = self.world.effects[: self.n_given], self.world.effects[self.n_given :]
-        return replace(self.world, effects=(*firm, *self.read, *open_))
+        """World at the start of the search: `bare`, then the effects to refit."""
+        return replace(self.world, effects=(*self.bare.effects, *self.world.effects[self.n_given :]))
 
     @property
     def n_fixed(self) -> int:

@@ -131,7 +131,8 @@ def diagnose(
         unsure = tentative(state, n_fixed, search.exchanges(state), rivals, far=worst > RULES.far)
     unsure |= {c.label for c in changing}
     verdict = without_tentative(verdict, rivals, unsure)
-    wrong = of_form(evidence, state.fit, before, after, floor)
+    bare = judge.mean(judge.losses([begin.bare])[0])
+    wrong = of_form(evidence, state.fit, bare, after, floor)
     final = with_origin(
         widened(state.world, range(n_fixed, len(state.world.effects)), wrong),
         n_given,

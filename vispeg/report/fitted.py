@@ -58,7 +58,8 @@ def fit_record(
     fit = calibration.fit
     worlds, judge = [nominal, fit.world], evidence if judged is None else judged
     fitted, held = evidence.errors(worlds), [None, None] if judged is None else judged.errors(worlds)
-    before, after = map(judge.chi2, judge.residuals(worlds))
+    bare = replace(fit.world, effects=tuple(e for i, e in enumerate(fit.world.effects) if i not in free))
+    before, after = map(judge.chi2, judge.residuals([bare, fit.world]))
     unit, floor = f"{evidence.unit} RMS", (judged or evidence).floor
     least = reading_floor(judge, fit.world) + noise_motion(judge, fit.world)
     effects = list(widened(fit.world, free, of_form(evidence, fit, before, after, least)).effects)
