@@ -57,12 +57,20 @@ def test_what_contains_dry_friction_shows_cross_fitted_or_surely_on_held_out_rec
     assert _explains_more(Search(evidence(), judge()), state, trial, crossed) == stands
 
 
+def step(placed: EffectInstance, mean: float, *out: EffectInstance):
+    """A step that added an effect, lowered the mean squared residual by `mean`, and removed the effects `out`."""
+    return Trial(Score(placed, 0.0, out=out), fit(World().add(placed)), np.zeros(0), Gain(mean, 9.0, 0.5)), []
+
+
+def test_what_effects_typically_removed_stays_where_one_is_exchanged_for_a_slightly_better_one():
+    state = State(World(), np.zeros(0), np.zeros(0), first=1011.0, steps=[step(DRY, 1000.0)])
+    assert state.scale == pytest.approx(1000.0)
+    state.steps.append(step(FALLING, 0.2, DRY))
+    assert state.scale == pytest.approx(1000.1) and state.removed_by(FALLING) == pytest.approx(1000.2)
+
+
 def test_what_an_effect_removed_counts_what_it_took_the_place_of():
     """Without end where two took turns: a step counts those before it alone."""
-
-    def step(placed: EffectInstance, mean: float, *out: EffectInstance):
-        return Trial(Score(placed, 0.0, out=out), fit(World().add(placed)), np.zeros(0), Gain(mean, 9.0, 0.5)), []
-
     state = State(World(), np.zeros(0), np.zeros(0), first=101.0)
     state.steps = [step(DRY, 60.0), step(FALLING, 30.0, DRY)]
     assert (state.removed_by(DRY), state.removed_by(FALLING)) == (60.0, 90.0)

@@ -5,6 +5,7 @@ A loss (nblock, nj) is a sum of squared whitened residuals (errors over noise) b
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -88,27 +89,32 @@ class State:
 
     @property
     def scale(self) -> float:
-        """What an accepted effect typically removed of the held-out mean squared residual (geometric mean).
+        """What an accepted effect typically removed of the held-out mean squared residual (geometric mean over steps).
 
         Before any was accepted, it is all of the excess over noise. Small later drops may be errors of the accepted
         effects' form, which are proportional to what these removed. With the geometric mean they are not compared with
         one dominant effect alone.
         """
-        removed = [best.gain.mean / best.score.count for best, _ in self.steps if best.gain.mean > 0]
+        removed = [share for share in self._shares()[0] if share > 0]
         return float(stats.gmean(removed)) if removed else max(self.first - 1.0, 1e-9)
 
-    def removed_by(self, placed: EffectInstance, before: int | None = None) -> float:
+    def removed_by(self, placed: EffectInstance) -> float:
         """Return how much of the held-out mean squared residual an effect removed.
 
         It is an equal share of what the step that added it removed and of what the effects that it replaced had
-        removed; for an effect of the user's model, all of the excess over noise at the start. Steps from number
-        `before` on do not count; by default all count.
+        removed; for an effect of the user's model, all of the excess over noise at the start.
         """
-        for k in range(len(self.steps) if before is None else before)[::-1]:
-            best = self.steps[k][0]
-            if best.score.has(placed):
-                return (best.gain.mean + sum(self.removed_by(e, k) for e in best.score.out)) / best.score.count
-        return max(self.first - 1.0, 1e-9)
+        return self._shares()[1][placed.label]
+
+    def _shares(self) -> tuple[list[float], dict[str, float]]:
+        """Return what each effect of a step removed (`removed_by`): by step, and the last one by the effect's label."""
+        by_step: list[float] = []
+        by_label: dict[str, float] = defaultdict(lambda: max(self.first - 1.0, 1e-9))
+        for best, _ in self.steps:
+            replaced = sum(by_label[e.label] for e in best.score.out)
+            by_step.append((best.gain.mean + replaced) / best.score.count)
+            by_label |= dict.fromkeys((e.label for e in best.score.members), by_step[-1])
+        return by_step, by_label
 
 
 def without(world: World, effects: Sequence[EffectInstance]) -> World:
