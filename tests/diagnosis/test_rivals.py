@@ -3,15 +3,19 @@
 import numpy as np
 import pytest
 from fits import evidence, fit, judge, lost
+from loops import drive, hinge, pendulum, recorded
 
 from vispeg.core.effect import EffectInstance
-from vispeg.diagnosis.conclusion.rivals import _compare, _tried, grown_from
+from vispeg.core.seeds import stream
+from vispeg.diagnosis.conclusion.rivals import _compare, _put_in, _tried, grown_from
 from vispeg.diagnosis.findings import Gain, Score, Trial
 from vispeg.diagnosis.record import candidates
 from vispeg.diagnosis.selection import law
 from vispeg.diagnosis.selection.accept import equal
+from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.state import State
+from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
 
 
@@ -110,6 +114,33 @@ def test_what_cannot_be_told_from_an_effect_is_recorded_as_such():
         "viscous_friction": "indistinguishable from coulomb_friction(hinge)",
         "cable_spring": "explains less than coulomb_friction(hinge)",
     }
+
+
+def test_a_rival_in_the_place_of_an_effect_removed_what_both_removed_and_leaves_nothing_superfluous():
+    """Dry friction takes the place of viscous friction, beside which a bias stood."""
+    robot, out = pendulum(), []
+    for i in range(2):
+        t = np.arange(400) * 5e-3
+        q = 0.4 * (1 - np.cos(2 * np.pi * (0.7 + 0.25 * i) * t))[:, None]
+        s = drive(robot, "position", q[0], command=q, seconds=2.0, rate=200.0, kp=60.0, kd=4.0)
+        out.append(recorded(robot, robot.source, hinge("coulomb_friction", torque=0.8), s, stream(3, i)))
+    search = Search(Evidence(out[:1]), Judge(Evidence(out[1:])))
+    viscous, bias, dry = (
+        EffectInstance.of(name, "hinge", **values)
+        for name, values in [
+            ("viscous_friction", {"damping": 0.3}),
+            ("joint_bias", {"torque": 0.01}),
+            ("coulomb_friction", {"torque": 0.7}),
+        ]
+    )
+    nothing = search.start(World())
+    state = search.start(World().add(bias, viscous), 0)
+    first = Trial(Score(viscous, 0.0), state.fit, state.loss, search.judge.gain(nothing.loss, state.loss))
+    state.steps, state.first, state.slight = [(first, [first])], nothing.first, frozenset({bias.label})
+    (rival,) = search.try_all(search.start(World().add(bias), 0), [Score(dry, 0.0)], 0, 1)
+    _put_in(search, state, rival, viscous.label, 0)
+    assert [e.label for e in state.world.effects] == [dry.label] and not state.slight
+    assert state.removed_by(dry) == pytest.approx(nothing.first - search.judge.mean(rival.loss))
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from vispeg.diagnosis.evidence.localise import joint_z
 from vispeg.diagnosis.findings import Rivals, Score, Trial
 from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.judge import Judge
+from vispeg.diagnosis.selection.prune import prune
 from vispeg.diagnosis.selection.searching import Searching
 from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.selection.together import prior
@@ -38,13 +39,23 @@ def settled(search: Searching, state: State, n_fixed: int, say: Callable[[str], 
         if not better or len(state.world.effects) - n_fixed < 2:
             break
         trial, rival = min(better, key=lambda at: float(at[0].loss.sum()))
-        out = next(e for e in state.world.effects if e.label == rival.label)
-        say(f"{trial.score.label} replaces {out.label}")
-        swapped = replace(trial, score=replace(trial.score, out=(out,)))
-        search.take(state, swapped, [swapped], n_fixed)
+        say(f"{trial.score.label} replaces {rival.label}")
+        _put_in(search, state, trial, rival.label, n_fixed)
         search.go_on(state, n_fixed)  # after the replacement, another effect may pass
         rivals = find_rivals(search, state, n_fixed, say)
     return rivals
+
+
+def _put_in(search: Searching, state: State, rival: Trial, label: str, n_fixed: int) -> None:
+    """Put a rival in the place of the effect `label`, and remove the effects that it makes superfluous.
+
+    The gain of this step is over the model with that effect; the rival's own is over the model without it.
+    """
+    (accepted,) = [e for e in state.world.effects if e.label == label]
+    gain = search.judge.gain(state.loss, rival.loss)
+    step = replace(rival, score=replace(rival.score, out=(accepted,)), gain=gain)
+    search.take(state, step, [step], n_fixed)
+    prune(search, state, n_fixed)
 
 
 def _better(search: Searching, state: State, rival: Trial, label: str) -> bool:
