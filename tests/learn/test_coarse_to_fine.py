@@ -1,5 +1,8 @@
 """The coarse policy acts far from the hole, the fine one from there on, told the hole where the coarse one saw it."""
 
+import json
+import shutil
+
 import numpy as np
 import pytest
 import torch
@@ -10,6 +13,7 @@ from vispeg.learn.layout import Layout
 from vispeg.learn.modalities import modality
 from vispeg.learn.networks.actor import Actor
 from vispeg.learn.policy import NetPolicy, save
+from vispeg.learn.shipped import policy_folder
 
 STACK, FRAME, SCALE = 2, 15, 0.03
 
@@ -97,3 +101,14 @@ def test_on_disk(tmp_path):
 def test_what_does_not_fit_is_refused(fine, within):
     with pytest.raises(UserError):
         CoarseToFine(net("depth", {"depth_wrist": (1, 24, 24)}), fine, within)
+
+
+@pytest.mark.parametrize(("key", "value"), [("offset", 0.005), ("policy_period", 0.08), ("dof", ["x", "z", "y"])])
+def test_a_fine_policy_whose_actions_mean_something_else_is_refused(tmp_path, key, value):
+    fine = shutil.copytree(policy_folder("state-0.5mm"), tmp_path / "fine")
+    combine("depth-S", fine, 0.006, tmp_path / "as-shipped")
+    record = json.loads((fine / "policy.json").read_text())
+    record["meta"]["task"][key] = value
+    (fine / "policy.json").write_text(json.dumps(record))
+    with pytest.raises(UserError, match=f"{key}: the fine policy was made for other actions"):
+        combine("depth-S", fine, 0.006, tmp_path / "both")

@@ -18,6 +18,8 @@ from vispeg.learn.experience.shown import from_folder, successes
 from vispeg.learn.layout import Layout
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.image_kinds import STEP
+from vispeg.task.peg.config import PegConfig
+from vispeg.task.world_file import load_world
 
 EYE = Camera("eye", 8, 8, 10.0, 10.0, 3.5, 3.5, pos=(0, 0, 0.5), quat=(0.0, 1.0, 0.0, 0.0))
 PLAN = Plan("made", "0" * 64, frames=20, looks=1, cameras=("eye",), seed=3, shard_frames=20)
@@ -86,8 +88,8 @@ def episodes(layout, failed=()):
         yield recorder.finish(about | ending)
 
 
-def made(out, failed=(), laid=LAYOUT):
-    return render(PLAN, laid, lambda plan, layout, shard: episodes(layout, failed), out, workers=0)
+def made(out, failed=(), laid=LAYOUT, plan=PLAN):
+    return render(plan, laid, lambda plan, layout, shard: episodes(layout, failed), out, workers=0)
 
 
 @pytest.fixture(scope="module")
@@ -143,6 +145,34 @@ def test_a_dataset_of_another_observation_is_refused(folder):
     larger = spaces.Dict(BESIDE.spaces | {"privileged": spaces.Box(-9, 9, (4,), np.float32)})
     with pytest.raises(UserError, match="another observation"):
         from_folder(folder, "rgbd", SEEN, 0, beside=larger)
+
+
+@pytest.mark.parametrize(
+    ("world", "settings", "refused"),
+    [
+        ("effects: [{effect: brightness, where: all, params: {change: 0.2}}]", {}, None),  # it only looks otherwise
+        ("task: {offset: 0.02}", {}, "offset: was recorded with other actions"),
+        ("task: {turn: 0.02}", {}, None),  # nothing turns
+        ("base: nominal", {"dof": ("x", "z", "y")}, "dof: was recorded with other actions"),
+        ("base: nominal", {"policy_period": 0.08}, "policy_period: was recorded with other actions"),
+        ("base: nominal", {"reward": "paper"}, "was recorded with other rewards"),
+        ("base: nominal", {"reward_scale": 0.1}, "was recorded with other rewards"),
+    ],
+)
+def test_a_folders_numbers_must_mean_what_the_learners_task_means(tmp_path, world, settings, refused):
+    file = tmp_path / "mine.yaml"
+    file.write_text(f"format: vispeg-world/1\n{world}\n")
+    folder = made(tmp_path / "d", plan=replace(PLAN, world=str(file), world_hash=load_world(file).hash))
+    shown = (folder, "rgbd", SEEN, 0, "cpu")
+    if refused is None or refused.endswith("rewards"):  # imitation reads no rewards
+        from_folder(*shown, config=PegConfig(**settings))
+    if refused is None:
+        from_folder(*shown, BESIDE, config=PegConfig(**settings))
+    else:
+        with pytest.raises(UserError, match=refused):
+            from_folder(*shown, BESIDE, config=PegConfig(**settings))
+    file.write_text("format: vispeg-world/1\ntask: {offset: 0.03}\n")  # of a world that has changed nothing is known
+    from_folder(*shown, config=PegConfig())
 
 
 def test_only_episodes_that_succeeded_are_shown(tmp_path):

@@ -244,6 +244,13 @@ def test_a_teacher_must_know_the_state_and_fit_the_stack(tmp_path):
         teacher_of(tmp_path / "s", PegConfig())
 
 
+def test_a_teacher_acts_in_its_students_steps():
+    assert teacher_of("state-0.5mm", PegConfig(turn=0.02))  # which nobody turns
+    for other in ({"offset": 0.02}, {"policy_period": 0.08}, {"dof": ("x", "z", "y")}):
+        with pytest.raises(UserError, match=f"{next(iter(other))}: the teacher was made for other actions"):
+            teacher_of("state-0.5mm", PegConfig(**other))
+
+
 def test_a_share_that_is_none_is_refused():
     actor, ring = trained_pair()
     with pytest.raises(UserError, match="positive shares"):

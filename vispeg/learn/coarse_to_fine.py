@@ -17,7 +17,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.learn.layout import VECTOR
-from vispeg.learn.meta import observed, worlds
+from vispeg.learn.meta import interface, observed, refuse_other_actions, worlds
 from vispeg.learn.policy import NetPolicy, Policy, load
 from vispeg.learn.record import COARSE, FINE, PAIR, read_record
 from vispeg.learn.shipped import META, policy_folder
@@ -40,7 +40,7 @@ class CoarseToFine:
 
     Raises:
         UserError: the fine policy reads something that the coarse one's observation lacks, their actions differ in
-            length, or `within` is not above 0 and at most 1.
+            length or meaning, or `within` is not above 0 and at most 1.
     """
 
     def __init__(self, coarse: NetPolicy, fine: NetPolicy, within: float, meta: Mapping[str, Any] | None = None):
@@ -48,6 +48,8 @@ class CoarseToFine:
         lacking = sorted(key for key, shape in read.items() if shapes.get(key) != shape)
         if lacking or coarse.layout.action != fine.layout.action:
             raise UserError("the fine policy was made for another observation", expected=shapes, got=read)
+        made_for = interface(coarse.meta), interface(fine.meta)
+        refuse_other_actions("the fine policy was made for other actions", *made_for)
         if not 0 < within <= 1:
             raise UserError("not a distance", key="within", expected="metres, above 0 and at most 1", got=within)
         self.coarse, self.fine, self.within = coarse, fine, within

@@ -3,14 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, TypedDict
 
+from vispeg.core.errors import UserError
 from vispeg.task.registry import config_of, kind_of, task_of
 from vispeg.task.terms import Observation
 from vispeg.task.world_file import built_in, parts
 
 # the task's settings that define what a policy sees and what its actions mean: the same in every world
 INTERFACE = ("name", "stack", "dof", "offset", "turn", "policy_period", "cameras", "image_size")
+
+ACTIONS = ("dof", "policy_period", "offset", "turn")  # those that define what its actions mean
+
+
+def refuse_other_actions(
+    what: str, task: Mapping[str, Any], other: Mapping[str, Any], file: str | Path | None = None
+) -> None:
+    """Raise UserError, which begins with `what`, where actions mean something else in the other task.
+
+    Args:
+        what: the error.
+        task, other: settings (TaskConfig's fields); what only one of them states is not compared, nor `turn` where
+            nothing turns.
+        file: of the other task's actions, for the error.
+    """
+    still = not any(d.startswith("r") for d in task.get("dof", ()))
+    for key in ACTIONS:
+        if key in task and key in other and task[key] != other[key] and not (key == "turn" and still):
+            raise UserError(what, file=file, key=key, expected=task[key], got=other[key])
 
 
 def interface(meta: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.learn.layout import PRIVILEGED, VECTOR
+from vispeg.learn.meta import interface, refuse_other_actions
 from vispeg.learn.modalities import modality
 from vispeg.learn.policy import load
 from vispeg.render.image_kinds import GOAL_TOLD
@@ -122,7 +124,8 @@ def teacher_of(source: str | Path, config: Any) -> StateTeacher:
         config: the task's TaskConfig.
 
     Raises:
-        UserError: not a policy, one that does not know the goal, or one whose observation has another length.
+        UserError: not a policy, one that does not know the goal, or one whose observation has another length or whose
+            actions have another meaning.
     """
     observed = Observation(task_of(config).terms, config)
     size = observed.policy_size
@@ -139,4 +142,5 @@ def teacher_of(source: str | Path, config: Any) -> StateTeacher:
             expected=config.stack * size,
             got=policy.actor.layout.vector,
         )
+    refuse_other_actions("the teacher was made for other actions", asdict(config), interface(policy.meta), source)
     return StateTeacher(policy, observed)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -13,16 +15,17 @@ from gymnasium import spaces
 from vispeg.core.errors import UserError
 from vispeg.datasets.layout import colour_of, depth_of, truth_of
 from vispeg.datasets.read import Dataset
-from vispeg.interface.actions import split
-from vispeg.interface.observer import BEYOND
+from vispeg.interface.actions import entries, split
+from vispeg.interface.observer import BEYOND, DOF
 from vispeg.learn.experience.replay import Replay
-from vispeg.learn.experience.theirs import ACTION, EXECUTED, Theirs
+from vispeg.learn.experience.theirs import ACTION, EXECUTED, RATE, Theirs
 from vispeg.learn.layout import PRIVILEGED, Layout
-from vispeg.learn.meta import Origin
+from vispeg.learn.meta import Origin, refuse_other_actions
 from vispeg.learn.modalities import modality as modality_of
 from vispeg.render.image_kinds import DEPTH, GOAL_TOLD, camera_of, kind_of
 from vispeg.task.config import TaskConfig
 from vispeg.task.interface import interface_in
+from vispeg.task.registry import config_of
 from vispeg.task.terms import POLICY
 from vispeg.task.world_file import load_world, parts
 
@@ -54,7 +57,8 @@ def from_folder(
 ) -> Replay:
     """Return the folder's successful episodes; all episodes where it does not record success.
 
-    With `config`, a folder without `observation.policy`, or one with `?action=KIND`, is read by `Theirs`.
+    With `config`, a folder without `observation.policy`, or one with `?action=KIND`, is read by `Theirs`. Others must
+    then have actions of the task's meaning, as far as their names, frame rate and world tell it.
 
     Args:
         folder: a LeRobotDataset's folder, followed by `?action=KIND` where its actions are not offsets and their names
@@ -72,7 +76,7 @@ def from_folder(
 
     Raises:
         UserError: not such a folder, no episode succeeded, a feature is missing, an observation or action has another
-            shape, or the policy is told the goal's place.
+            shape, an action or (beside a run's own) a reward another meaning, or the policy is told the goal's place.
     """
     if modality_of(modality).obs_mode in GOAL_TOLD:
         expected = "a policy that is not told where the goal is"
@@ -90,6 +94,8 @@ def from_folder(
     gains = ["next.reward"] if beside is not None else []
     read_too = theirs.features if theirs is not None else []
     data = Dataset(place, [*names.values(), act, *gains, *read_too], theirs=True)
+    if config is not None and theirs is None:
+        _refuse_another_task(index, folder, config, act, beside is not None)
     numbers = successes(index)
     if not numbers:
         raise UserError("no episode of the dataset succeeded", file=place, got=f"{len(index.episodes)} that did not")
@@ -137,6 +143,31 @@ def from_folder(
     return ring
 
 
+def _refuse_another_task(data: Dataset, folder: str | Path, config: TaskConfig, act: str, rewarded: bool) -> None:
+    """Raise UserError where the data set's actions, or the rewards if they are read, do not mean what the task's do.
+
+    Args:
+        data: of the folder.
+        folder: as `from_folder` takes it.
+        config: settings of the task.
+        act: the feature of the actions.
+        rewarded: whether rewards are compared.
+    """
+    task = asdict(config)
+    said: dict[str, Any] = {**made_in(folder).get("task", {})}
+    named = entries(data.info["features"][act]["names"])
+    if set(named) <= set(DOF) and named:
+        said["dof"] = named
+    if abs(data.info["fps"] * config.policy_period - 1) > RATE:
+        said["policy_period"] = 1 / data.info["fps"]
+    refuse_other_actions("was recorded with other actions", task, said, data.folder)
+    if rewarded and "reward" in said:
+        theirs, own = ((config.rewards.of(t["reward"]), t["reward_scale"]) for t in (said, task))
+        if theirs != own:
+            expected, got = ((t["reward"], t["reward_scale"]) for t in (task, said))
+            raise UserError("was recorded with other rewards", file=data.folder, expected=expected, got=got)
+
+
 def successes(data: Dataset) -> list[int]:
     """Return the numbers of the episodes that succeeded; all of them where the data set does not record success."""
     ended = data.successes
@@ -146,15 +177,16 @@ def successes(data: Dataset) -> list[int]:
 def made_in(folder: str | Path) -> Origin:
     """Return the dataset's world in the form of a policy's record; its entries are None where they are unknown.
 
-    The parts of a user's own world are known while its file is as it was.
+    The parts and the task of a world are known while its file is as it was.
     """
     plan = Dataset(split(str(folder))[0], theirs=True).made.get("plan") or {}
     world, known = plan.get("world"), plan.get("world_hash")
     origin: Origin = {"world": world, "world_hash": known}
     if world:
         with suppress(UserError):  # the file is elsewhere, or no world any more
-            if load_world(world).hash == known:
-                origin["world_parts"] = parts(world)
+            file = load_world(world)
+            if file.hash == known:
+                origin |= {"world_parts": parts(world), "task": asdict(config_of(file.task, str(file.path)))}
     return origin
 
 
