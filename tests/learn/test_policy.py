@@ -12,10 +12,13 @@ from torch import nn
 from torch.nn import functional as F
 
 from vispeg.core.errors import UserError
+from vispeg.learn.envs import of_policy
+from vispeg.learn.interface import interface_of_policy
 from vispeg.learn.layout import Layout
 from vispeg.learn.modalities import modality, names
 from vispeg.learn.networks.actor import Actor
 from vispeg.learn.policy import META, WEIGHTS, NetPolicy, load, save
+from vispeg.task.world_file import load_world
 
 SHAPES = {"depth": (1, 24, 24), "rgb": (3, 24, 24)}
 
@@ -186,3 +189,18 @@ def test_what_is_not_a_policy_is_one_line(tmp_path, spoil, said):
     with pytest.raises(UserError, match=said) as caught:
         load(tmp_path)
     assert "\n" not in str(caught.value)
+
+
+def test_a_world_file_that_is_another_one_by_now_is_not_the_training_world(tmp_path):
+    """What the robot would be given comes from it: force limit, gains, cameras."""
+    world = tmp_path / "w.yaml"
+    world.write_text("format: vispeg-world/1\n")
+    shipped = load("state-3mm")
+    meta = {**shipped.meta, "world_file": str(world), "world_hash": load_world(world).hash}
+    policy = NetPolicy(shipped.actor, "state", meta)
+    assert interface_of_policy(policy).controller.force_limit_n == 25
+    world.write_text("format: vispeg-world/1\ntask: {force_limit: 5, stiffness: [30, 400]}\n")
+    for ask in (interface_of_policy, of_policy):
+        with pytest.raises(UserError, match="not the world that the policy was trained in any more"):
+            ask(policy)
+    assert interface_of_policy(policy, str(world)).controller.force_limit_n == 5

@@ -158,14 +158,14 @@ class Bridging:
         return [by.get(job.configuration, []) for job in jobs] + [[] for _ in range(4 - len(jobs))]
 
     def home(self, notes: list[str]) -> str | None:
-        """Return the policy's training world, for the scripted policy the given world; None if it no longer exists."""
+        """Return the policy's training world, for the scripted policy the given one; None if it is gone or changed."""
         if self.who.scripted:
             return self.world
         from vispeg.learn.coarse_to_fine import open_policy
         from vispeg.learn.envs import home
 
-        at = home(open_policy(self.who.path))
         try:
+            at = home(open_policy(self.who.path))
             load_world(at)
         except UserError as error:
             notes.append(f"the world that it was trained in is not played: {error}")

@@ -8,6 +8,7 @@ from typing import Any
 
 from gymnasium.vector import AutoresetMode, VectorEnv
 
+from vispeg.core.errors import UserError
 from vispeg.learn.meta import Origin, interface, made_for
 from vispeg.learn.modalities import Modality, modality
 from vispeg.learn.policy import Policy
@@ -52,8 +53,18 @@ def describe(env: Any) -> Origin:
 
 
 def home(policy: Policy) -> str:
-    """Return the world that a policy was trained in, a built-in name or a file; `nominal` if its record has none."""
-    return str(policy.meta.get("world_file") or policy.meta.get("world") or "nominal")
+    """Return the world that a policy was trained in, a built-in name or a file; `nominal` if its record has none.
+
+    Raises:
+        UserError: no such file, or it is another world by now.
+    """
+    from vispeg.task.world_file import by_name, load_world
+
+    meta = policy.meta
+    at, known = str(meta.get("world_file") or meta.get("world") or "nominal"), meta.get("world_hash")
+    if known and at not in by_name() and load_world(at).hash != known:
+        raise UserError("is not the world that the policy was trained in any more: state the world", file=at)
+    return at
 
 
 def of_policy(policy: Policy, world: str | None = None) -> MakeEnv:

@@ -21,16 +21,18 @@ def interface_of_policy(policy: Policy, world: str | None = None, digest: str = 
         digest: hash of the policy's folder.
 
     Raises:
-        NoInterface: no such world, or a policy that reads ground truth, which no robot has.
+        NoInterface: no such world, a training world that has changed, or a policy that reads ground truth, which no
+            robot has.
         UserError: the policy's observation is not that of the world's task.
     """
     senses = modality(policy.modality)
     if senses.knows:
         raise NoInterface("reads the ground truth, which no robot has", key="modality", got=policy.modality)
-    meta, at = policy.meta, world or home(policy)
+    meta = policy.meta
     own = {} if world else made_for(meta)
     memory = {"stack": 1} if policy.recurrent else {}
     try:
+        at = world or home(policy)
         _, config, file = world_of(at, {**memory, **own, **interface(meta)})
     except UserError as error:
         raise NoInterface(f"the world it was trained in: {error}", expected="--world NAME or FILE") from error
