@@ -23,6 +23,7 @@ from vispeg.learn.methods.ranges import Opening
 from vispeg.learn.methods.recipes import distilled
 from vispeg.learn.methods.sac_run import SacRun
 from vispeg.learn.policy import load
+from vispeg.learn.run_folder import same_run
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.settings import SacSettings
 from vispeg.learn.train import resume, train
@@ -523,3 +524,15 @@ def test_episodes_of_the_task_widen_its_ranges():
     assert all(counted == [True] * 4 for counted in opening.adaptive.outcomes.values())
     assert env.env.sim.levels == opening.levels == dict.fromkeys(opening.adaptive.outcomes, 0.0)
     env.close()
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{"dof": ("x", "y")}, {"start_height": (0.02, 0.04)}, {"reward": (("distance", -0.5), ("success", 5.0))}],
+)
+def test_a_run_that_is_asked_for_again_is_the_same_run(tmp_path, settings):
+    """In a file tuples are lists, and whole numbers may come back as others."""
+    c = config(settings=settings, stages=(Stage({"clearance": 6}), Stage()), distill={"hidden": (8, 8)})
+    c.write(tmp_path / "config.yaml")
+    assert same_run(c, tmp_path)
+    assert not same_run(replace(c, settings={**settings, "stack": 3}), tmp_path)

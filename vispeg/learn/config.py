@@ -134,11 +134,15 @@ class TrainConfig:
         """The name of the policy's modality."""
         return self.task.partition("-")[2]
 
-    def write(self, path: Path) -> None:
-        """Write the configuration as YAML; replace the file if it exists."""
+    def text(self) -> str:
+        """Return the configuration as YAML."""
         data = {"format": FORMAT, **asdict(self)}
         data["stages"] = [stage.plain() for stage in self.stages]
-        write_text_atomic(path, yaml.safe_dump(data, sort_keys=False), overwrite=True)
+        return yaml.safe_dump(data, sort_keys=False)
+
+    def write(self, path: Path) -> None:
+        """Write the configuration as YAML; replace the file if it exists."""
+        write_text_atomic(path, self.text(), overwrite=True)
 
 
 CONFIG = Format(FORMAT, "a training run's configuration", keys=tuple(f.name for f in fields(TrainConfig)))

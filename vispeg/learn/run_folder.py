@@ -8,6 +8,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import yaml
+
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.core.provenance import command_line
@@ -54,9 +56,10 @@ def same_run(config: TrainConfig, folder: Path) -> bool:
     if {path.name for path in folder.iterdir()} <= {BEGUN}:
         return True
     try:
-        return read_config(folder / "config.yaml") == settled(config)
+        there, here = read_config(folder / "config.yaml"), settled(config)
     except UserError:
         return False
+    return yaml.safe_load(there.text()) == yaml.safe_load(here.text())  # both with lists in place of tuples
 
 
 def is_distilled(folder: Path) -> bool:
