@@ -27,7 +27,7 @@ from vispeg.vision.photograph import photograph
 from vispeg.vision.predict import Predictor
 from vispeg.vision.search import search
 from vispeg.vision.shutter import Shutter, exposed
-from vispeg.worlds.model_file import load_model
+from vispeg.worlds.model_file import load_model, without_origin
 from vispeg.worlds.world import World
 
 CELL = World("iiwa14", "meg50+peg16", cell=CellBelief("nominal"))
@@ -238,3 +238,23 @@ def test_what_the_joints_read_is_not_where_they_are(stage):
             both = (seen.depth > 0) & (frame.depth > 0)
             errors.append(np.mean(np.abs(seen.depth - frame.depth)[both]))
     assert errors[1] < 3e-4 < errors[0]
+
+
+def test_a_cell_is_recorded_with_the_effects_that_it_states(stage):
+    """Joints and pictures are those of a world that has the effects; those of what takes no part are ignored."""
+    _, cameras, _ = stage
+    effects = (
+        EffectInstance.of("hole_offset", "fixture", x=0.03),
+        EffectInstance.of("camera_offset", "wrist_wide", x=0.01),
+        EffectInstance.of("near_limit", "all", nearest=0.2),
+        EffectInstance.of("encoder_offset", "joint6", offset=0.02),
+    )
+    idle = EffectInstance.of("camera_offset", "external", x=0.1), EffectInstance.of("object_mass", "peg", scale=2.0)
+    cell = CellBelief("nominal", effects=tuple({**without_origin(e)} for e in (*effects, *idle)))
+    options = {"cameras": cameras[:1], "fps": 0.2, "rate_hz": 100.0, "backend": "raycast", "noise": {}}
+    worlds = replace(CELL, cell=cell), CELL.add(*effects), CELL
+    stating, having, plain = (record_look(world, **options) for world in worlds)
+    assert np.array_equal(stating.q, having.q) and stating.cell == cell
+    for a, b, c in zip(stating.frames, having.frames, plain.frames, strict=True):
+        assert np.array_equal(a.rgb, b.rgb) and np.array_equal(a.depth, b.depth)
+        assert not np.array_equal(a.rgb, c.rgb) and not np.array_equal(a.depth, c.depth)

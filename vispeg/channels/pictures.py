@@ -24,7 +24,7 @@ from vispeg.robots.bench import shows
 from vispeg.robots.objects import is_object
 from vispeg.robots.scene import Scene
 from vispeg.task import belief
-from vispeg.task.belief import bench_of, cell_of, recorded_cell
+from vispeg.task.belief import bench_of, cell_of
 from vispeg.vision.compare import Compared, border_rms, compare_frames
 from vispeg.vision.eye import camera_of
 from vispeg.vision.show import pictures
@@ -149,7 +149,6 @@ def compared_pictures(rec: Recording, world: World, reading: Reading = silent) -
         UserError: an effect of the model is at a camera that the recording does not have.
     """
     scene = replace(belief.scene_of(world, rec), cameras=tuple(rec.frames.names) if rec.frames is not None else ())
-    assumed = () if cell_of(world, rec) is None else recorded_cell(rec).world.effects
     for placed in world.effects:
         if effect(placed.effect).family == "camera":
             try:
@@ -157,4 +156,4 @@ def compared_pictures(rec: Recording, world: World, reading: Reading = silent) -
             except UserError as error:
                 raise UserError(str(error), file=rec.path / "frames/cameras.yaml") from error
     with reading(rec.path) as progress:
-        return compare_frames(rec, scene, World(rec.robot).add(*assumed, *world.effects), progress=progress)
+        return compare_frames(rec, scene, World(rec.robot).add(*world.effects), progress=progress)

@@ -15,6 +15,7 @@ from typing import Any
 
 import mujoco
 
+from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.notes import note
 from vispeg.robots import furniture, gripper, hole, tools, user_cell
@@ -67,6 +68,7 @@ class Scene(RobotModel):
         held, fixture: names of the body that the gripper holds, and of the body that the goal is part of.
         offset, tilt: names of the effects that shift and turn the goal, to the fixture's true pose.
         slip: name of the slide joint of the held part in the gripper; empty if it cannot slip.
+        stated: effects that the cell states: pictures show them unless a world has others at the same places.
     """
 
     nominal: RobotModel = field(kw_only=True)
@@ -88,6 +90,7 @@ class Scene(RobotModel):
     offset: str = ""
     tilt: str = ""
     slip: str = ""
+    stated: tuple[EffectInstance, ...] = ()
 
     @property
     def posed(self) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -6,7 +6,7 @@ A cell consists of the MuJoCo scene, the task's settings, and the effects that t
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +46,11 @@ class Believed:
     scene: Scene
     config: TaskConfig
     world: World
+
+    @property
+    def seen(self) -> Scene:
+        """The scene as cameras see it: with the believed effects, which are those that it states."""
+        return replace(self.scene, stated=self.world.effects) if self.world.effects else self.scene
 
 
 def believed(cell: CellBelief | None, file: str | Path | None = None, robot: str | None = None) -> Believed:
@@ -107,13 +112,15 @@ def bench_of(world: World) -> Scene:
 def scene_of(world: World, rec: Recording) -> Scene:
     """Return the scene that a recording's cameras see according to a model: its cell, or the scene in its robot's file.
 
+    A cell comes with the effects that it states.
+
     Raises:
         UserError: as `believed`.
     """
     cell = cell_of(world, rec)
     if cell is None:
         return bench_of(world)
-    return believed(cell, rec.path / "recording.yaml", world.robot).scene
+    return believed(cell, rec.path / "recording.yaml", world.robot).seen
 
 
 def fixed(world: RandomizedWorld, scene: Scene) -> list[EffectInstance]:

@@ -134,10 +134,10 @@ def compare_frames(
         raise UserError("has no frames", file=rec.path)
     frames = rec.frames
     cameras = [camera_of(frames.cameras[name]) for name in frames.names]
-    shutters = {camera.name: Shutter.of(world, camera.name) for camera in cameras}
     done: list[Compared] = []
     with Predictor(scene, cameras, backend) as predictor:
         predictor.see(world)
+        shutters = {camera.name: Shutter.of(predictor.world, camera.name) for camera in cameras}
         corners = _corners(rec, predictor, shutters)
         for i, frame in enumerate(frames):
             shutter, path = shutters[frame.camera.name], _path(rec, frame.episode)

@@ -18,7 +18,7 @@ from vispeg.render.labels import part_table
 from vispeg.render.look import Fields
 from vispeg.robots.scene import Scene
 from vispeg.vision.eye import Eye, delay_of, lens_of
-from vispeg.worlds.places import values
+from vispeg.worlds.places import acts_on, values
 from vispeg.worlds.world import World
 
 PLACES = ("body_pos", "body_quat", "cam_pos", "cam_quat", "cam_intrinsic")  # fields that move what is seen
@@ -27,19 +27,24 @@ PLACES = ("body_pos", "body_quat", "cam_pos", "cam_quat", "cam_intrinsic")  # fi
 class Geometry:
     """A cell with its cameras: `place` puts it into a world, `at` into a posture.
 
+    Effects that the cell states are part of every world, except at cameras that are not here.
+
     Args:
-        scene: the nominal cell.
+        scene: the cell.
         cameras: as calibrated, whatever their names: effects of cameras act on these.
 
     Attributes:
         scene: the cell with these cameras.
+        world: the one that it is in, with the stated effects.
         model, data: its own.
         eyes: by name, the cameras as the world makes them.
         offsets: (nj,) rad, measured minus true angle of each joint (the effect `encoder_offset`).
     """
 
     def __init__(self, scene: Scene, cameras: Sequence[Camera]):
-        self.scene, self.cameras = replace(scene, cameras=tuple(c.name for c in cameras)), tuple(cameras)
+        self.cameras, names = tuple(cameras), tuple(c.name for c in cameras)
+        here = (e for e in scene.stated if effect(e.effect).family != "camera" or acts_on(e.where, names))
+        self.scene = replace(scene, cameras=names, stated=tuple(here))
         spec = scene.spec()
         model_camera.add(spec, self.cameras)
         self.model = spec.compile()
@@ -63,6 +68,7 @@ class Geometry:
         """
         for name, nominal in self._nominal.items():
             getattr(self.model, name)[:] = nominal
+        self.world = world = world.over(self.scene.stated)
         fields = Fields(self.model, self.scene)
         kinds = {e.effect: effect(e.effect) for e in world.effects}
         for kind in sorted(kinds.values(), key=lambda k: (k.order, k.name)):

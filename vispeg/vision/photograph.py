@@ -32,7 +32,6 @@ from vispeg.worlds.world import World
 
 FINER = 3  # rays per pixel in each direction
 DEPTH_UNIT = 1e-4  # m, step of recorded depth
-SENSES = "encoder_offset"  # changes the readings of joints, not their angles, which `path` states
 
 
 def photograph(
@@ -52,7 +51,7 @@ def photograph(
     """Take pictures of a cell along a motion, with all cameras at all times.
 
     Args:
-        scene: the cell.
+        scene: the cell, with the effects that it states.
         cameras: nominal cameras; the frames state these, and `world` has the true deviations from them.
         world: effects on looks, cameras and sensors, and on the poses of fixture and held part.
         path: function from times (n,) s to true joint angles (n, nj) rad.
@@ -66,19 +65,24 @@ def photograph(
     Raises:
         UserError: the world has depth by block matching, which works only in the task's own pictures.
     """
-    for camera in cameras:
-        if settings(world, camera.name) is not None:
-            what = "depth by block matching is not made along a motion"
-            raise UserError(what, key=camera.name, expected="a world without the effect", got=NAME)
     frames: list[RecordedFrame] = []
     beside = () if board is None else (showing(board, put_down(board, scene, seed)),)
     with Predictor(scene, cameras, backend, shadows, finer, *beside) as predictor:
-        predictor.see(world.only(lambda e: e.effect != SENSES))
+        predictor.see(world)
+        world, offsets = predictor.world, predictor.geometry.offsets
+        for camera in cameras:
+            if settings(world, camera.name) is not None:
+                what = "depth by block matching is not made along a motion"
+                raise UserError(what, key=camera.name, expected="a world without the effect", got=NAME)
+
+        def measured(time: np.ndarray) -> np.ndarray:
+            return path(time) + offsets
+
         for k, camera in enumerate(cameras):
             shutter, sensor = Shutter.of(world, camera.name), _sensor(world, camera)
             recorded = recorded_of(camera, DEPTH_UNIT)
             for i, time in enumerate(times):
-                rendering = exposed(predictor, camera.name, shutter, path, float(time))
+                rendering = exposed(predictor, camera.name, shutter, measured, float(time))
                 rgb, depth = _sensed(sensor, camera, rendering, float(time), stream(seed, "frames", camera.name, i))
                 frames.append(RecordedFrame(float(time), recorded, rgb, depth))
                 progress((k * len(times) + i + 1) / (len(cameras) * len(times)))

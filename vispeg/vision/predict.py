@@ -51,7 +51,7 @@ class Predictor:
     """Draws a cell as its cameras see it in a world that may change from one call to the next. Close it after use.
 
     Args:
-        scene: the nominal cell.
+        scene: the cell.
         cameras: as calibrated, at the base or the flange.
         backend, shadows: of the renderer.
         finer: rays a pixel in each direction, an odd number: colour is the mean of their light, depth and part are
@@ -60,7 +60,7 @@ class Predictor:
 
     Attributes:
         geometry: where everything stands; `draw` moves it.
-        world: the one it is in.
+        world: the one it is in, with the effects that the cell states.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class Predictor:
         self.geometry = Geometry(scene, cameras)
         self.scene = self.geometry.scene
         self._renderer = Renderer(self.scene, list(cameras)[:1], backend, labels=True, shadows=shadows)
-        self.world = World()
+        self.world = self.geometry.world
         self._dressed: tuple[World, dict[str, tuple[float, ...]]] | None = None
 
     @property
@@ -90,13 +90,13 @@ class Predictor:
     def see(self, world: World) -> None:
         """Predicts for this world from now on: its looks, cameras, lenses, and where fixture and held part stand."""
         self.geometry.place(world)
+        self.world = world = self.geometry.world
         looks = world.only(lambda e: effect(e.effect).family == "appearance")
         bodies = self.geometry.bodies if looks.effects else {}  # a look may go by them: distractors keep away
         wanted = looks, {name: tuple(pose) for name, pose in bodies.items()}
         if wanted != self._dressed:
             dress(self._renderer, self.scene, looks, bodies)
             self._dressed = wanted
-        self.world = world
 
     def draw(self, camera: str, q: np.ndarray) -> Rendering:
         """Return what a camera sees at measured joint angles q (nj,) rad, before its sensor makes anything of it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -53,6 +53,10 @@ class World:
             placed = [EffectInstance.of(*names, **values)]
         new = {(e.effect, e.where): e for e in (*self.effects, *placed)}
         return replace(self, effects=tuple(new.values()))
+
+    def over(self, stated: Sequence[EffectInstance]) -> World:
+        """Return this world with the effects that its cell states; its own replace these as in `add`."""
+        return replace(self, effects=tuple(stated)).add(*self.effects) if stated else self
 
     def __repr__(self) -> str:
         beside = ["" if self.tool is None else f"tool={self.tool!r}", "" if self.cell is None else "in a cell"]

@@ -41,7 +41,7 @@ MOST = 5000  # greatest number of pictures of a recording, all cameras together
 
 
 def scene_of(world: World, cameras: Sequence[Camera] = ()) -> Scene:
-    """Return the scene of a model: its cell, or, without a cell, what its robot's file contains.
+    """Return the scene of a model: its cell with the effects that it states, or what its robot's file contains.
 
     Args:
         world: the model.
@@ -50,7 +50,7 @@ def scene_of(world: World, cameras: Sequence[Camera] = ()) -> Scene:
     Raises:
         UserError: there is no cell, and the robot's file shows nothing but the arm.
     """
-    scene = bench_of(world) if world.cell is None else model_cell(world).scene
+    scene = bench_of(world) if world.cell is None else model_cell(world).seen
     if world.cell is None and not shows(scene):
         expected = f"{OPEN_CELL}, a world, a model file with `cell:`, or a robot's file with more in it than the arm"
         raise UserError("pictures need something to see", key="model", expected=expected, got=world.robot)
@@ -138,7 +138,8 @@ def record_look(
 
     Args:
         world: a world with a cell, or with a robot whose file shows more than the arm. Effects of the arm act on the
-            motion, those of cameras, appearance, fixture and grip on the pictures; the recording mentions none of them.
+            motion, those of cameras, appearance, fixture and grip on the pictures. So do those that its cell states, as
+            far as the arm alone has their places; the recording mentions only these.
         motion: a name in `vispeg.identify.motions.look_motion.LOOKS`, or a commanded motion at `rate_hz`.
         cameras: the nominal cameras; by default `wrist_wide` of the cell with 320 x 240 px.
         fps: frame rate of each camera, Hz.
@@ -161,7 +162,8 @@ def record_look(
     duration = duration if isinstance(motion, str) else float(motion.time[-1])
     refuse_rate(fps, rate_hz, duration, cameras)
     path = look_motion(motion, scene, rate_hz, duration) if isinstance(motion, str) else motion
-    arm = replace(of_arm(world), cell=None)
+    stated = [e for e in scene.stated if effect(e.effect).targets(scene.nominal)]
+    arm = replace(of_arm(world.over(stated)), cell=None)
     truth: list[np.ndarray] = []
     control = controller(scene.nominal, "position", rate_hz, centre_of(scene.nominal))
     rng = stream(seed, "record", "noise")
@@ -200,7 +202,7 @@ def pictures_of(
 
     Args:
         world: its effects act on scene, cameras and sensors; a board that its cell states is in view.
-        scene: the scene to photograph.
+        scene: the scene to photograph, with the effects that it states.
         cameras: the nominal cameras.
         rec: the recorded motion.
         truth: (n, nj) true joint angles at its samples, rad.

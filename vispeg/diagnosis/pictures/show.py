@@ -35,7 +35,7 @@ def shown_pictures(
             out[name + "depth"] = depth
         for word, world in (("before", before), ("after", after)):
             predictor.see(world)
-            q = sight.at(np.array([frame]), -delay_of(world, sight.camera.name))[0]
+            q = sight.at(np.array([frame]), -delay_of(predictor.world, sight.camera.name))[0]
             if not np.isfinite(q).all():
                 continue
             image, distance = predictor.sensed(predictor.draw(sight.camera.name, q), seed)

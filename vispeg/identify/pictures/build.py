@@ -48,7 +48,7 @@ def seeing(scene: Scene, groups: Groups, world: World) -> tuple[tuple[list[Sight
         predictor.see(world)
         for camera in cameras:
             mine = [[s for s in some if s.camera.name == camera.name] for some in groups if some]
-            shown = [sum(min(_shown(predictor, s, world), RULES.frames_least) for s in some) for some in mine]
+            shown = [sum(min(_shown(predictor, s), RULES.frames_least) for s in some) for some in mine]
             if min(shown) < RULES.frames_least:
                 blind.add(camera.name)
                 often = f"only {min(shown)}" if min(shown) else "none"
@@ -57,10 +57,10 @@ def seeing(scene: Scene, groups: Groups, world: World) -> tuple[tuple[list[Sight
     return tuple([s for s in some if s.camera.name not in blind] for some in groups), notes
 
 
-def _shown(predictor: Predictor, sight: Sight, world: World) -> int:
-    """Count the frames, up to `frames_least`, in which a sight shows something of the cell."""
+def _shown(predictor: Predictor, sight: Sight) -> int:
+    """Count the frames, up to `frames_least`, in which a sight shows something of the cell in the predictor's world."""
     frames, count = np.arange(len(sight)), 0
-    for i, q in zip(frames, sight.at(frames, -delay_of(world, sight.camera.name)), strict=True):
+    for i, q in zip(frames, sight.at(frames, -delay_of(predictor.world, sight.camera.name)), strict=True):
         if count >= RULES.frames_least or not np.isfinite(q).all():
             continue
         picture, depth = predictor.draw(sight.camera.name, q), sight.depth(int(i))
@@ -85,7 +85,7 @@ def border_evidence(
     """
     cameras = list({s.camera.name: s.camera for s in (*fitted, *held_out)}.values())
     with Predictor(scene, cameras) as predictor:
-        settled, points = align(predictor, fitted, world, recall)
+        settled, points = align(predictor, fitted, world.over(predictor.scene.stated), recall)
         scatter = None if robot is None else Scatter(robot, 0.0)
         out = _looked(predictor, (fitted, held_out), settled, points, scatter)
         if robot is None and out[0].robot > 0:

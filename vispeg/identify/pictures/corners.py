@@ -20,7 +20,7 @@ def looks_of(geometry: Geometry, sight: Sight, world: World) -> dict[int, Look]:
     name, out = sight.camera.name, {}
     geometry.place(world)
     for i in range(len(sight)) if sight.board is not None else ():
-        (q,) = sight.at(np.array([i]), -delay_of(world, name))
+        (q,) = sight.at(np.array([i]), -delay_of(geometry.world, name))
         if np.isfinite(q).all() and (view := sight.corners(i)) is not None:
             out[i] = look_at(geometry, name, q, view)
     return out

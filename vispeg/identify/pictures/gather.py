@@ -37,7 +37,7 @@ def gather(predictor: Predictor, sight: Sight, world: World, window: float) -> P
             )
         )
     points = _joined([*parts, *corners_of(geometry, sight, world, window)])
-    if not len(points.frame) or not values_of(world, "rolling_shutter", name):
+    if not len(points.frame) or not values_of(geometry.world, "rolling_shutter", name):
         return points
     shift = (
         pixels(geometry, sight, world, points) - points.pixel
@@ -55,7 +55,7 @@ def _drawn(predictor: Predictor, sight: Sight, world: World) -> Iterator[tuple[i
     """Yield number, colour image and predicted borders of each frame with an image and measured joint angles."""
     name, frames = sight.camera.name, np.arange(len(sight))
     predictor.see(world)
-    for i, q in zip(frames, sight.at(frames, -delay_of(world, name)), strict=True):
+    for i, q in zip(frames, sight.at(frames, -delay_of(predictor.world, name)), strict=True):
         rgb = sight.rgb(int(i)) if np.isfinite(q).all() else None
         if rgb is not None:
             yield int(i), rgb, borders_of(predictor.draw(name, q), predictor.geometry, step=SPACING)

@@ -106,9 +106,9 @@ def pixels(
     """
     name = sight.camera.name
     geometry.place(world)
-    readout = values_of(world, "rolling_shutter", name).get("readout", 0.0)
+    readout = values_of(geometry.world, "rolling_shutter", name).get("readout", 0.0)
     frames = np.unique(points.frame)
-    late = -delay_of(world, name)
+    late = -delay_of(geometry.world, name)
     out = _at(geometry, name, points, frames, sight.at(frames, late) + (0.0 if joints is None else joints))
     if readout:
         speed = (_at(geometry, name, points, frames, sight.at(frames, late + INSTANT)) - out) / INSTANT

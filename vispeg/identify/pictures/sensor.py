@@ -120,7 +120,7 @@ class SensorEvidence(Evidence):
                 return answer
         out = []
         for item in self.items:
-            away = (item.figures.measured - item.figures.modelled(world)) / item.each
+            away = (item.figures.measured - item.figures.modelled(world.over(self.scene.stated))) / item.each
             out.append(np.clip(away, -WILD, WILD))
         self._recent_figures = [(world, out), *self._recent_figures[:15]]
         return out
@@ -219,6 +219,7 @@ def sensor_evidence(
         kind: of channel.
         world: with the stated sensor, and the stated appearance if there is one.
     """
+    world = world.over(scene.stated)
     lit = any(effect(e.effect).family == "appearance" for e in world.effects)
     items = []
     for sight, some in shots:

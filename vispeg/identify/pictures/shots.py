@@ -67,7 +67,7 @@ def shots_of(predictor: Predictor, sight: Sight, world: World, posture: np.ndarr
         posture: (frames, nj) rad to add to the measured angles so that the borders fit in each frame.
     """
     predictor.see(world)
-    name, late, out = sight.camera.name, -delay_of(world, sight.camera.name), []
+    name, late, out = sight.camera.name, -delay_of(predictor.world, sight.camera.name), []
     for i in np.linspace(0, len(sight) - 1, min(MOST, len(sight))).round().astype(int):
         (before,), (q,), (after,) = (sight.at(np.array([i]), late + t) for t in (-LATER, 0.0, LATER))
         if not np.isfinite([before, q, after]).all():
