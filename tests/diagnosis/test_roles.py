@@ -5,13 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from loops import ARM, drive, recorded
+from loops import ARM, drive, hinge, pendulum, recorded
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.evidence.roles import Roles, recast, shown
+from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.run import diagnose
+from vispeg.diagnosis.selection.judge import Judge
+from vispeg.diagnosis.selection.search import Search
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import TorqueEvidence
 from vispeg.recordings.recording import Control
@@ -120,6 +123,29 @@ def test_a_controller_unknown_on_one_side_has_both_sides_judged_by_torques(recor
     judged = TorqueEvidence([narrow])
     assert {row["unit"] for row in record["ladder"]} == {record["noise_floor"]["unit"]} == {"N m RMS"}
     assert (record["noise_floor"]["from"], record["noise_floor"]["value"]) == ("estimated", judged.floor)
+
+
+def test_a_search_in_the_roles_asked_for_leaves_nothing_in_the_progress_for_other_roles():
+    """Torques of a pendulum with dry friction in two recordings, and none in the third, which is held out.
+
+    The last of the first two judges in its place, so that nothing that was fitted to it may be had again.
+    """
+    robot, out = pendulum(), []
+    for i, torque in enumerate((0.8, 0.6, 0.0)):
+        t = np.arange(600) * 5e-3
+        q = 0.4 * (1 - np.cos(2 * np.pi * (0.9 - 0.2 * i) * t))[:, None]
+        s = drive(robot, "position", q[0], command=q, seconds=3.0, rate=200.0, kp=60.0, kd=4.0)
+        friction, options = hinge("coulomb_friction", torque=torque), {"tau_noise": 0.1, "sensor": "motor"}
+        rec = recorded(robot, robot.source, friction, s, stream(3, i), **options)
+        out.append(replace(rec, path=Path("ABC"[i]), control=Control("unknown", 200.0), q_cmd=None))
+    world, progress = World(robot.source), Progress()
+    search = Search(TorqueEvidence(out[:2]), Judge(TorqueEvidence(out[2:])), progress=progress)
+    search.offers(search.start(world), 0)
+    again, fresh = (
+        diagnose(world, out[:2], out[2:], nthread=1, plan_next=False, progress=p) for p in (progress, Progress())
+    )
+    assert again.record["recordings"] == {"fit": ["A", "C"], "validate": ["B"]}
+    assert again.world == fresh.world and again.record["candidates"] == fresh.record["candidates"]
 
 
 @pytest.mark.slow

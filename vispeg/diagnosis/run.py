@@ -90,6 +90,8 @@ def diagnose(
         if roles.held_out is not judged.recordings:
             fitted, held_out = roles.fitted, roles.held_out
             evidence, judged = _both(fitted, held_out, nthread)
+            # answers that were fitted to what judges now are not to be had again
+            progress = (progress or Progress()).part("fitted " + ", ".join(r.name for r in fitted))
     say("asking the torques what is missing")
     proposal = propose(world, fitted, held_out)
     if proposal is not None:
