@@ -86,6 +86,17 @@ def test_a_fit_that_begins_where_another_ended_has_its_intervals():
     assert (second.low, second.value, second.high) == pytest.approx((first.low, first.value, first.high), rel=0.02)
 
 
+def test_a_fit_leaves_the_marks_of_a_diagnosis():
+    """It changes values, and judges neither names nor what is left."""
+    ev, viscous = evidence(TRUTH, 0), hinge("viscous_friction", damping=0.5)
+    marked = replace(hinge("coulomb_friction", torque=0.3).effects[0], partial=True, tentative=True)
+    found = calibrate(ev, viscous.add(marked), [0, 1], seed=0, iterations=2)
+    record, world = fit_record(World().add(marked), found, [0, 1], ev, None)
+    assert [(e.partial, e.tentative) for e in world.effects] == [(False, False), (True, True)]
+    assert [(e.get("partial"), e.get("tentative")) for e in record["effects"]] == [(None, None), (True, True)]
+    assert world.effects[1].origin != marked.origin
+
+
 def test_misfit_widens_intervals_by_what_is_left_where_readings_are_compared():
     """Errors of three stated noises widen as a variance of nine would, also where readings are not compared."""
     bold = [replace(rec, noise={k: v / 3.0 for k, v in rec.noise.items()}) for rec in evidence(TRUTH, 0).recordings]
