@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 import vispeg
+from vispeg.api.recording.look import cameras_of
 from vispeg.core.errors import UserError
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.camera_files import save_cameras
 from vispeg.task.environments.env import TaskEnv
 from vispeg.task.eyes import task_cameras
 from vispeg.task.peg.config import PegConfig
@@ -154,3 +157,23 @@ def test_depth_as_an_image_keeps_what_is_missing_and_two_millimetres():
     near = (metres > 0) & (metres < 0.5)
     assert near.any() and np.abs(0.002 * grey[near].astype(float) - metres[near]).max() <= 0.001 + 1e-6
     assert set(grey[metres >= 0.51].tolist()) <= {255}
+
+
+def test_a_camera_file_without_a_pose_leaves_the_camera_in_its_place(tmp_path):
+    """A calibration without poses knows a lens, not where the camera is; a world and a recording say that."""
+    config = PegConfig(cameras=("wrist_wide",), image_size=0)
+    cell = PegTask().cell(config)
+    (usual,) = task_cameras(cell, config, {})
+    lens = Camera("camera", 64, 40, 50.0, 51.0, 31.0, 20.0, (0.1, -0.05, 1e-3, 1e-3, 0.0))
+    placed = lens.moved(name="wrist_wide", parent=usual.parent, pos=usual.pos, quat=usual.quat)
+    for style in ("vispeg", "ros", "opencv"):
+        file = str(save_cameras(tmp_path / f"{style}.yaml", lens, style=style, posed=False))
+        assert task_cameras(cell, config, {"wrist_wide": file}) == (placed,)
+        with pytest.raises(UserError, match="does not state where the camera 'mine' is"):
+            task_cameras(cell, config, {"mine": file})
+        with pytest.raises(UserError, match="does not state where the camera 'camera' is"):
+            cameras_of([file], cell, (320, 240))
+    file = str(save_cameras(tmp_path / "named.yaml", lens.moved(name="wrist_wide"), posed=False))
+    assert cameras_of([file], cell, (320, 240)) == (placed,)
+    file = str(save_cameras(tmp_path / "posed.yaml", lens))
+    assert task_cameras(cell, config, {"wrist_wide": file}) == (lens.moved(name="wrist_wide"),)

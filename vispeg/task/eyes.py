@@ -39,17 +39,18 @@ def task_cameras(scene: Scene, task: TaskConfig, stated: Mapping[str, Any]) -> t
     Args:
         scene: the cell.
         task: settings with the cameras' names and the image size.
-        stated: `cameras` of a world file: a camera file for each name, or a mapping of what differs from the standard
-            camera of that name (of the standard camera `external` for any other name).
+        stated: `cameras` of a world file: a camera file for each name (without a pose, the standard camera of that name
+            has it), or a mapping of what differs from the standard camera of that name (of the standard camera
+            `external` for any other name).
 
     Raises:
-        UserError: no camera of that name, or a key that no camera has.
+        UserError: no camera of that name, a file as `load_camera` refuses it, or a key that no camera has.
     """
     by_name = {c.name: c for c in standard_cameras(scene.tip, scene.target)}
     usual = dict(by_name)
     for name, change in stated.items():
         if isinstance(change, str):
-            by_name[name] = load_camera(change).moved(name=name)
+            by_name[name] = load_camera(change, usual, name)
         else:
             try:
                 by_name[name] = usual.get(name, usual["external"]).moved(name=name, **change)

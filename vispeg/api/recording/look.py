@@ -61,20 +61,22 @@ def cameras_of(names: Sequence[str], scene: Scene, size: tuple[int, int]) -> tup
     """Return cameras of the scene by name, or from camera files.
 
     Args:
-        names: names of cameras of the cell or of the robot's file, and paths of camera files.
+        names: names of cameras of the cell or of the robot's file, and paths of camera files; a camera whose pose its
+            file does not state stands where the one of its name does.
         scene: the scene.
         size: width and height, px. A cell's cameras get it and keep their horizontal field of view; cameras of the
             robot's file without a `resolution` get it and keep their vertical field of view. All others keep their own.
 
     Raises:
-        UserError: `names` is empty, has an unknown one, or gives two cameras of the same name.
+        UserError: `names` is empty, has an unknown one, or gives two cameras of the same name; or a camera's pose is
+            not known.
     """
     standard = {c.name: c for c in standard_cameras(scene.tip, scene.target)} if scene.goal else {}
     own = {c.name: c for c in model_camera.cameras_of(scene.nominal, size) if c.name not in standard}
     out: list[Camera] = []
     for name in names:
         if name not in {**standard, **own} and (Path(name).suffix or is_file(name)):
-            out += load_cameras(name)
+            out += load_cameras(name, {**own, **standard})
         elif name in standard:
             out.append(_sized(standard[name], *size))
         elif name in own:

@@ -1,7 +1,7 @@
 """Camera files: this project's YAML, OpenCV's FileStorage YAML, and ROS's camera_info YAML.
 
-The last two hold intrinsics and lens distortion only. A camera read from them gets the default pose: at the origin of
-the base frame, with the base's axes.
+The last two hold intrinsics and lens distortion only. A camera read from them gets the default pose (at the origin of
+the base frame, with the base's axes), or that of another camera.
 """
 
 from __future__ import annotations
@@ -40,14 +40,34 @@ def _example(style: Style) -> Callable[[Path], Path]:
 @enrol("camera_info (ROS)", _example("ros"))
 @enrol("FileStorage (OpenCV)", _example("opencv"))
 @enrol(FORMAT, _example("vispeg"))
-def load_cameras(path: str | Path) -> tuple[Camera, ...]:
+def load_cameras(
+    path: str | Path, places: Mapping[str, Camera] | None = None, name: str | None = None
+) -> tuple[Camera, ...]:
     """Return all cameras of a file in any of the three formats.
 
+    Args:
+        path: the file.
+        places: by name, the cameras at whose pose those stand whose pose the file does not state; None for the default
+            pose.
+        name: of the cameras, in place of that in the file.
+
     Raises:
-        UserError: the file is missing, has none of the formats, or holds impossible values. The message names the file
-            and, where one is to blame, the key.
+        UserError: the file is missing, has none of the formats, or holds impossible values; or neither it nor `places`
+            states a camera's pose. The message names the file and, where one is to blame, the key.
     """
-    return tuple(camera for camera, _ in load_posed(path))
+    out: list[Camera] = []
+    for read, posed in load_posed(path):
+        camera = read if name is None else read.moved(name=name)
+        if not posed and places is not None:
+            if camera.name not in places:
+                what, expected = (
+                    f"does not state where the camera '{camera.name}' is",
+                    "parent, pos and quat, or a name",
+                )
+                raise UserError(what, file=path, expected=expected, got=camera.name, choices=places)
+            camera = camera.moved(**{key: getattr(places[camera.name], key) for key in POSE})
+        out.append(camera)
+    return tuple(out)
 
 
 def load_posed(path: str | Path) -> tuple[tuple[Camera, bool], ...]:
@@ -72,9 +92,13 @@ def load_posed(path: str | Path) -> tuple[tuple[Camera, bool], ...]:
     return cameras
 
 
-def load_camera(path: str | Path) -> Camera:
-    """Return the only camera of a file. Raises UserError as `load_cameras` does, and for a file that holds several."""
-    camera, *others = load_cameras(path)
+def load_camera(path: str | Path, places: Mapping[str, Camera] | None = None, name: str | None = None) -> Camera:
+    """Return the only camera of a file, as `load_cameras` does.
+
+    Raises:
+        UserError: as `load_cameras` does, and for a file that holds several.
+    """
+    camera, *others = load_cameras(path, places, name)
     if others:
         raise UserError("holds several cameras", file=path, expected="one", got=[c.name for c in (camera, *others)])
     return camera
