@@ -19,6 +19,7 @@ from vispeg.measure.plan import plan, table
 from vispeg.measure.steps import Servo, step_answer
 from vispeg.measure.trace import Trace, from_table, refuse_no_servo, sines, strokes
 from vispeg.robots.model import load
+from vispeg.worlds.measurement_file import Quantity
 
 RATE = 500.0
 TRUE = Servo(0.97, 30.0, 0.6, 0.012)
@@ -176,13 +177,24 @@ def test_friction_is_the_height_of_the_loop_and_backlash_its_width():
     assert by_name["viscous_friction"].value == pytest.approx(2.0, rel=0.05)
     assert by_name["lost_motion"].value == pytest.approx(1e-3, rel=0.05)
     assert by_name["backlash"].value == pytest.approx(2e-3, rel=0.15)
-    placed = {e.effect: e for e in joint.effects("joint1", found)}
+    placed = {e.effect: e for e in joint.effects("joint1", found)[0]}
     assert set(placed) == {"coulomb_friction", "viscous_friction", "backlash"}
     q = by_name["coulomb_friction"]
     assert (placed["coulomb_friction"].params["torque"].low, placed["coulomb_friction"].params["torque"].high) == (
         q.low,
         q.high,
     )
+
+
+def test_a_number_beyond_an_effects_bounds_is_noted_and_the_others_have_theirs():
+    """Of a hobby servo: 40 ms of delay and 0.4 N m at most."""
+    found = {"coulomb_friction": 0.1, "torque_limit": 0.4, "servo_gain": 1.0, "servo_natural_frequency": 30.0}
+    found |= {"servo_damping_ratio": 0.7, "servo_delay": 0.04}
+    results = [Quantity(name, v, "", 0.0, None, 2.0, 0.99 * v, 1.01 * v, "gum") for name, v in found.items()]
+    of_servo = replace(answered(parts()["steps-50mrad"]), servo=True)
+    effects, notes = joint.effects("elbow", joint.Joint([of_servo], results=results))
+    assert {e.effect for e in effects} == {"coulomb_friction", "servo"}
+    assert [note.partition(": ")[2].partition(":")[0] for note in notes] == ["torque_limit", "command_delay"]
 
 
 def test_intervals_of_friction_hold_the_truth():

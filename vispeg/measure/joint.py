@@ -116,10 +116,20 @@ def measure(
     return Joint(traces, servo, loop, responses, points, strokes, results, notes, details)
 
 
-def effects(joint: str, measured: Joint) -> list[EffectInstance]:
-    """Return the effects: the joint's friction and backlash, if significantly above 0, and its servo."""
+def effects(joint: str, measured: Joint) -> tuple[list[EffectInstance], list[str]]:
+    """Return the effects, and notes on numbers beyond an effect's bounds, which have none.
+
+    The effects are the joint's friction and backlash, if significantly above 0, and its servo.
+    """
     by_name = {q.quantity: q for q in measured.results}
-    out = []
+    out, notes = list[EffectInstance](), list[str]()
+
+    def add(name: str, values: Mapping[str, Value], q: Quantity) -> None:
+        try:
+            out.append(placed(name, joint, values, q))
+        except UserError as error:
+            notes.append(f"it has no effect in a model: {error}")
+
     for quantity, name, key in (
         ("coulomb_friction", "coulomb_friction", "torque"),
         ("viscous_friction", "viscous_friction", "damping"),
@@ -128,11 +138,11 @@ def effects(joint: str, measured: Joint) -> list[EffectInstance]:
     ):
         q = by_name.get(quantity)
         if q is not None and q.low > 0:
-            out.append(placed(name, joint, {key: Value(q.value, q.low, q.high)}, q))
+            add(name, {key: Value(q.value, q.low, q.high)}, q)
     line = {name: by_name.get(q) for name, q in (("stall", "stall_torque"), ("no_load", "no_load_speed"))}
     values = {name: Value(q.value, q.low, q.high) for name, q in line.items() if q is not None}
     if len(values) == 2:
-        out.append(placed("torque_speed_limit", joint, values, by_name["stall_torque"]))
+        add("torque_speed_limit", values, by_name["stall_torque"])
     if any(t.servo for t in measured.traces) and "servo_natural_frequency" in by_name:
         bounds = effect("servo").params
         loop = {name: by_name[f"servo_{name}"] for name in bounds}
@@ -140,11 +150,11 @@ def effects(joint: str, measured: Joint) -> list[EffectInstance]:
         inside = {name: q for name, q in loop.items() if bounds[name].low <= q.value <= bounds[name].high}
         if "natural_frequency" in inside:
             values = {name: Value(q.value, q.low, q.high) for name, q in inside.items()}
-            out.append(placed("servo", joint, values, loop["natural_frequency"]))
+            add("servo", values, loop["natural_frequency"])
         late = by_name["servo_delay"]
         if late.low > 0:
-            out.append(placed("command_delay", joint, {"delay": Value(late.value, late.low, late.high)}, late))
-    return out
+            add("command_delay", {"delay": Value(late.value, late.low, late.high)}, late)
+    return out, notes
 
 
 def _resolved(responses: list[Step], loop: Sequence[Quantity], notes: list[str]) -> list[Step]:

@@ -53,8 +53,8 @@ def measure_joint(
         traces, name, robot = _traces(paths, joint, columns or {})
         arm, why = _arm(paths[0], name, robot)
         measured = joints.measure(traces, stream(settings.seed, "measure", "joint"), arm, inertia)
-        effects = tuple(joints.effects(name, measured))
-        details, notes = dict(measured.details), list(measured.notes)
+        effects, beyond = joints.effects(name, measured)
+        details, notes = dict(measured.details), [*measured.notes, *beyond]
         if measured.servo is not None:
             loop, beside = measured.loop, _beside(effects)
             if loop is None:
@@ -75,7 +75,7 @@ def measure_joint(
             "joint",
             name,
             tuple(measured.results),
-            effects,
+            tuple(effects),
             robot if effects else None,
             dict(settings.conditions or {}),
             {},
