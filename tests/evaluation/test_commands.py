@@ -211,6 +211,17 @@ def test_only_what_the_records_lack_is_played(vispeg, tmp_path, played):
     assert sorted(read(tmp_path / "g/episodes.jsonl"), key=repr) == sorted(written, key=repr)
 
 
+def test_the_scripted_policy_of_records_beside_a_trained_one_was_not_trained(vispeg, tmp_path, played):
+    recorded(tmp_path, 0, 1, 3)
+    played(lambda job, seed: True)
+    trained = ("gap", "state-3mm-randomized", *TWO[2:], "--fine-tuned", "--episodes", "5", "--videos", "0")
+    code, _, err = vispeg(*trained, "--out", "g")
+    assert code == 0, err
+    values = json.loads((tmp_path / "g/gap.json").read_text())
+    assert {p["name"]: p["scripted"] for p in values["policies"]} == {"state-3mm-randomized": False, "expert": True}
+    assert not [note for note in values["notes"] if note.startswith("expert")]
+
+
 def test_records_of_another_world_or_policy_are_refused_before_anything_is_written(vispeg, tmp_path, played):
     from dataclasses import replace
 

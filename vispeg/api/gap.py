@@ -147,7 +147,7 @@ def gap(
         ends = {e.key: e for e in [*stored_before, *played]}
         every = [*ends.values(), *trials.episodes]
         targets = [*names, *([robot] if trials.episodes else [])]
-        scripted = [e.name for e in who if e.scripted] if who else [EXPERT]
+        scripted = {e.name for e in who if e.scripted} | ({EXPERT} - {e.name for e in who})
         homes = {e.name: {h for r in who if r.name == e.name for h in r.trained_on} for e in who if e.trained_on}
         values = gaps.gap(every, names[0], targets, seed, trials.notes, scripted, homes)
         filmed = out is not None and videos > 0 and bool(jobs)
