@@ -224,7 +224,7 @@ def test_what_a_diagnosis_named_is_swept_from_nothing_to_its_value(tmp_path):
     scale = EffectInstance.of("depth_scale", "external", factor=1.05)
     file = tmp_path / "model.yaml"
     file.write_text(model_text(World("iiwa14").add(offset, scale)))
-    one, other = sensitivity.sweeps(str(file))
+    one, other = sensitivity.sweeps(str(file), "iiwa14")
     assert one.where == "wrist_wide" and one.values == (0.0, 1.0) and one.label == "camera_offset(wrist_wide)"
     assert one.at(1.0) == {p: v.value for p, v in offset.params.items()} and set(one.at(0.0).values()) == {0.0}
     assert other.at(0.0) == {"factor": 1.0} and other.at(1.0) == {"factor": 1.05} and other.null == 0.0
@@ -239,7 +239,7 @@ def test_what_a_diagnosis_named_is_swept_from_nothing_to_its_value(tmp_path):
     assert curve["points"][1]["cost"]["value"] == 0.5 and record["unit"] == "times the value found"
     (tmp_path / "bare.yaml").write_text(model_text(World("iiwa14")))
     with pytest.raises(UserError, match="has no effect to sweep"):
-        sensitivity.sweeps(str(tmp_path / "bare.yaml"))
+        sensitivity.sweeps(str(tmp_path / "bare.yaml"), "iiwa14")
 
 
 def test_sweeps_of_one_effect_at_two_places_are_told_apart(tmp_path):

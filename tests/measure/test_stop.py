@@ -2,6 +2,9 @@
 
 import pytest
 
+from vispeg.api.add import add
+from vispeg.api.measure.enough import enough
+from vispeg.api.measure.result import MeasurementResult
 from vispeg.cli.main import main
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
@@ -10,6 +13,7 @@ from vispeg.evaluation.records import Episode
 from vispeg.evaluation.statistics import tango
 from vispeg.evaluation.stress import sensitivity
 from vispeg.evaluation.stress.interval import ends, verdict
+from vispeg.worlds.identified import Identified, ranges_of
 from vispeg.worlds.measurement_file import Measurement, Quantity, load_measurement, measurement_text
 
 
@@ -50,7 +54,7 @@ def test_a_sweep_of_a_measurement_goes_over_its_interval_and_says_when_to_stop(t
     """Success at the low end is 400 of 400, at the high end as many as stated: below one point, enough."""
     params = {"mass": Value(1.0, 0.9, 1.1), "z": Value(0.05)}
     file = measured(tmp_path / "mass.yaml", EffectInstance("payload", "flange", params))
-    (what,) = sensitivity.sweeps(file)
+    (what,) = sensitivity.sweeps(file, "iiwa14")
     assert [what.at(v)["mass"] for v in what.values] == pytest.approx([0.9, 1.0, 1.1])
     assert {what.at(v)["z"] for v in what.values} == {0.05}
     won = {0.0: 400, 0.5: 400, 1.0: high}
@@ -66,7 +70,38 @@ def test_a_sweep_of_a_measurement_goes_over_its_interval_and_says_when_to_stop(t
 def test_a_measurement_without_an_interval_is_nothing_to_sweep(tmp_path):
     file = measured(tmp_path / "mass.yaml", EffectInstance.of("payload", "flange", mass=1.0))
     with pytest.raises(UserError, match="no effect with an interval"):
-        sensitivity.sweeps(file)
+        sensitivity.sweeps(file, "iiwa14")
+
+
+def of_arm(path, robot, *effects):
+    torque = Quantity("coulomb_friction", 1.0, "N m", 0.05, None, 1.96, 0.9, 1.1, "gum")
+    path.write_text(measurement_text(Measurement("joint", "joint4", (torque,), effects, robot)))
+
+
+SERVO = EffectInstance("servo", "joint4", {"natural_frequency": Value(30.0, 29.0, 31.0)})
+DRY = EffectInstance("coulomb_friction", "joint4", {"torque": Value(1.0, 0.9, 1.1)})
+
+
+def test_another_arms_joint_of_the_same_name_is_not_played_and_a_servos_loop_left_out(tmp_path):
+    """A world's `model:`, a sweep, the question of enough and `add` read a measurement alike."""
+    file, model = tmp_path / "joint.yaml", tmp_path / "model.yaml"
+    asks = {
+        "world": lambda: ranges_of(Identified(file), "iiwa14"),
+        "sweep": lambda: sensitivity.sweeps(str(file), "iiwa14"),
+        "enough": lambda: enough(load(), ["expert"]),
+        "add": lambda: add("iiwa14", str(file), model, overwrite=True),
+    }
+    load = lambda: MeasurementResult(load_measurement(file), file, "")  # noqa: E731
+    for robot in ("xarm7", "elsewhere/iiwa14.xml"):
+        of_arm(file, robot, SERVO, DRY)
+        for ask in asks.values():
+            with pytest.raises(UserError, match="of another robot"):
+                ask()
+    of_arm(file, "iiwa14", SERVO, DRY)
+    assert [r.effect for r in asks["world"]()] == [s.effect for s in asks["sweep"]()] == ["coulomb_friction"]
+    assert [e.effect for e in asks["add"]().added] == ["servo", "coulomb_friction"], "a model may have a servo"
+    of_arm(file, "iiwa14", SERVO)
+    assert not asks["enough"]().rows, "nothing to play"
 
 
 def test_the_scripted_expert_says_when_to_stop(tmp_path, monkeypatch, capsys):

@@ -14,7 +14,7 @@ from vispeg.core.several import several
 from vispeg.render.cameras.model_camera import cameras_of
 from vispeg.render.cameras.standard import standard_cameras
 from vispeg.report.text.summary import Block, Line, html
-from vispeg.robots.model import RobotModel
+from vispeg.robots.model import RobotModel, same
 from vispeg.robots.scene import Scene
 from vispeg.task.belief import robot_of_world
 from vispeg.worlds.identified import constant, without_interval
@@ -116,7 +116,7 @@ def _stated(name: str, where: str | None, settings: Sequence[str], world: World,
 def _measured(file: str, world: World, robot: RobotModel) -> list[EffectInstance]:
     """Return the effects of a measurement file, with their intervals."""
     measurement = load_measurement(file)
-    if measurement.robot not in (None, world.robot) and not Path(measurement.robot or "").suffix:
+    if measurement.robot is not None and not same(measurement.robot, world.robot):
         raise UserError("of another robot", file=file, key="robot", expected=world.robot, got=measurement.robot)
     if not measurement.effects:
         raise UserError("holds no effect", file=file, key="effects", expected="one or more")

@@ -44,6 +44,7 @@ from vispeg.task.registry import config_of
 from vispeg.task.world_file import BUILT_IN, WorldFile, load_world
 from vispeg.trials.trial import FILE, STEPS, Trial, read_trial
 from vispeg.trials.trial import folders as trials_in
+from vispeg.worlds.identified import acting
 from vispeg.worlds.model_file import load_model, write_model
 
 ASSUMED = (
@@ -161,7 +162,8 @@ def explain(
 
     Raises:
         UserError: no trials in which the arm was moved at full speed, trials with actions of another length or period
-            than the policy's, an effect that the world's cell does not have, or as for `vispeg.evaluate`.
+            than the policy's, a model of another robot than the world's, an effect that the world's cell does not have,
+            or as for `vispeg.evaluate`.
     """
     check_numbers(1, workers)
     if replays < 1:
@@ -186,10 +188,13 @@ def explain(
     others = {t.said.policy.name for t in read if t.said.policy.digest not in ("", who[0].digest)}
     if others:
         notes.append(f"the trials are of another policy than {who[0].name}: {', '.join(sorted(others))}")
-    named = () if model is None else load_model(model).effects
+    named: tuple[EffectInstance, ...] = ()
+    if model is not None:
+        found = load_model(model)
+        named = acting(found.effects, found.robot, file.world.base.robot, model)
     causes: dict[str, tuple[EffectInstance, ...]] = {effect.label: (effect,) for effect in named}
     if len(named) > 1:
-        causes[TOGETHER] = tuple(named)
+        causes[TOGETHER] = named
     if not causes:
         notes.append(UNTRIED)
     recordings = recordings_of(asked.held_out, read)
@@ -229,7 +234,7 @@ def explain(
         record = why.summarise(who[0].name, read, played, [some[0] for some in replayed], causes, **side)
         left, more, home = None, [], ""
         if remainder:
-            bridging = Bridging(who[0], str(world), file, tuple(named), dict(task or {}), place / "worlds", seed)
+            bridging = Bridging(who[0], str(world), file, named, dict(task or {}), place / "worlds", seed)
             simulated = [r for some in replayed for r in some]
             left = bridging.remainder(recordings, simulated, config.control_period, record["notes"])
             if left is not None:

@@ -87,22 +87,36 @@ def ranges_of(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
             "not a model file", file=path, expected="a .yaml file of the format vispeg-model/1 or vispeg-measurement/1"
         )
     if is_measurement(path):
-        return _measured(stated, robot)
-    model = load_model(path)
-    if not same(model.robot, robot):
-        raise UserError("a model of another robot", file=path, key="robot", expected=robot, got=model.robot)
-    return _all_ranged(model.effects, stated)
+        measurement = load_measurement(path)
+        if not measurement.effects:
+            raise UserError("holds no effect", file=path, key="effects", expected="one or more")
+        placed = acting(measurement.effects, measurement.robot, robot, path)
+    else:
+        model = load_model(path)
+        placed = acting(model.effects, model.robot, robot, path)
+    return tuple(_ranged(one, stated) for one in placed)
 
 
-def _measured(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
-    """Return a range for each effect of a measurement file; see `ranges_of`."""
-    path = stated.file
-    measurement = load_measurement(path)
-    if measurement.robot is not None and not same(measurement.robot, robot):
-        raise UserError("a measurement of another robot", file=path, key="robot", expected=robot, got=measurement.robot)
-    if not measurement.effects:
-        raise UserError("holds no effect", file=path, key="effects", expected="one or more")
-    return _all_ranged(measurement.effects, stated)
+def acting(
+    effects: Sequence[EffectInstance], of: str | None, robot: str, file: str | Path
+) -> tuple[EffectInstance, ...]:
+    """Return the effects of a model or measurement file that act on an arm of a world: no servo's, which a note names.
+
+    Args:
+        effects: of the file.
+        of: name or path of the file's robot; None if the effects fit any.
+        robot: name or path of the world's arm.
+        file: for errors and the note.
+
+    Raises:
+        UserError: the file belongs to another robot.
+    """
+    if of is not None and not same(of, robot):
+        raise UserError("of another robot", file=file, key="robot", expected=robot, got=of)
+    servos = [placed.label for placed in effects if of_servo(effect(placed.effect))]
+    if servos:
+        note(f"{file}: {', '.join(servos)} left out: {SERVO}")
+    return tuple(placed for placed in effects if placed.label not in servos)
 
 
 def without_interval(placed: EffectInstance) -> list[str]:
@@ -124,14 +138,6 @@ def constant(placed: EffectInstance, names: Sequence[str]) -> str:
         f"{placed.label} has no interval for {', '.join(names)}: the same in every episode of a world; `low` and "
         "`high` in the file vary it, or `model: {file, widen: 0.3}` by a share of what is not 0"
     )
-
-
-def _all_ranged(effects: Sequence[EffectInstance], stated: Identified) -> tuple[RandomizedEffect, ...]:
-    """Return the ranges of all effects but those of servos, which a note names."""
-    servos = [placed.label for placed in effects if of_servo(effect(placed.effect))]
-    if servos:
-        note(f"{stated.file}: {', '.join(servos)} left out: {SERVO}")
-    return tuple(_ranged(placed, stated) for placed in effects if not of_servo(effect(placed.effect)))
 
 
 def _ranged(placed: EffectInstance, stated: Identified) -> RandomizedEffect:

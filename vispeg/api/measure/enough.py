@@ -19,6 +19,7 @@ from vispeg.evaluation.stress.interval import ends, verdict, words
 from vispeg.evaluation.table import rows as outcomes
 from vispeg.report.text.summary import Block, Line, html
 from vispeg.task.world_file import load_world
+from vispeg.worlds.identified import acting
 from vispeg.worlds.measurement_file import measurement_text
 
 
@@ -78,13 +79,16 @@ def enough(
         playing: shows progress.
 
     Raises:
-        UserError: unknown policies or world, or an effect that has no place in the world.
+        UserError: unknown policies or world, a measurement of another robot than the world's, or an effect that has no
+            place in the world.
     """
     check_numbers(episodes, workers)
-    measured = [e for e in result.measurement.effects if ends(e)[0] != ends(e)[1]]
+    found, file = result.measurement, load_world(world)
+    placed = acting(found.effects, found.robot, file.world.base.robot, result.file)
+    measured = [e for e in placed if ends(e)[0] != ends(e)[1]]
     if not measured:
         return Sufficiency((), result)
-    who, name = ready(policies), load_world(world).name
+    who, name = ready(policies), file.name
     settings = [
         Setting(world, name, f"{e.label} {side}", (Change(e.effect, values, e.where),))
         for e in measured

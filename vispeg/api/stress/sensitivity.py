@@ -70,7 +70,7 @@ def sensitivity(
     if not sweeps:
         raise UserError("nothing to sweep", key="--sweep", expected="a sweep", choices=swept.SWEEPS)
     who, file = ready(policies), load_world(world)
-    asked = [what for text in sweeps for what in swept.sweeps(str(text))]
+    asked = [what for text in sweeps for what in swept.sweeps(str(text), file.world.base.robot)]
     swept.refuse_unseen(asked, who)
     read = [file.path, *folders(who)]
     with workplace(out, "sensitivity.json", overwrite, read) as place:

@@ -20,6 +20,7 @@ from vispeg.evaluation.schema.stress import Curve, SweepPoint, SweepRecord
 from vispeg.evaluation.statistics import CANNOT_TELL, Decision, Estimate, Rows, decide, difference, rate
 from vispeg.evaluation.stress.interval import ends, verdict, words
 from vispeg.evaluation.table import rows
+from vispeg.worlds.identified import acting
 from vispeg.worlds.measurement_file import is_measurement, load_measurement
 from vispeg.worlds.model_file import load_model
 
@@ -120,19 +121,25 @@ def sweep(text: str) -> Sweep:
     return Sweep(name, params, values, where or "*")
 
 
-def sweeps(text: str) -> list[Sweep]:
+def sweeps(text: str, robot: str) -> list[Sweep]:
     """Return the sweep of a text (see `sweep`), or the sweeps of the effects in a model or measurement file.
 
     A model's effect is swept from null to its value, a measurement's over its interval.
 
+    Args:
+        text: of the sweep, or the file.
+        robot: name or path of the world's arm.
+
     Raises:
-        UserError: as `sweep`; a model without effects, or a measurement without an effect that has an interval.
+        UserError: as `sweep`; a file of another robot, a model without effects, or a measurement without an effect that
+            has an interval.
     """
     if not text.lower().endswith((".yaml", ".yml")) or "=" in text:
         return [sweep(text)]
     if is_measurement(text):
-        return _measured(text)
-    effects = load_model(text).effects
+        return _measured(text, robot)
+    model = load_model(text)
+    effects = acting(model.effects, model.robot, robot, text)
     if not effects:
         raise UserError("has no effect to sweep", file=text, expected="a model that a diagnosis wrote")
     nulls = [tuple(effect(e.effect).params[p].null for p in e.params) for e in effects]
@@ -142,10 +149,10 @@ def sweeps(text: str) -> list[Sweep]:
     ]
 
 
-def _measured(file: str) -> list[Sweep]:
+def _measured(file: str, robot: str) -> list[Sweep]:
     """Return a sweep over the interval of each effect: its low end, its middle, its high end."""
-    out = []
-    for e in load_measurement(file).effects:
+    out, measurement = [], load_measurement(file)
+    for e in acting(measurement.effects, measurement.robot, robot, file):
         low, high = (tuple(values.values()) for values in ends(e))
         if low != high:
             out.append(Sweep(e.effect, tuple(e.params), (0.0, 0.5, 1.0), e.where, low, high, measured=True))
