@@ -16,16 +16,18 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis.compare import compare
 from vispeg.diagnosis.record import channels
 from vispeg.identify.evidence import Evidence
+from vispeg.identify.inverse import TorqueEvidence
+from vispeg.recordings.recording import Control
 from vispeg.worlds.world import World
 
 
-def swing():
-    """A pendulum that swings for 3 s under position control, with its torque measured."""
+def swing(seconds: float = 3.0, seed: int = 0):
+    """A pendulum that swings under position control, with its torque measured."""
     robot = pendulum()
-    t = np.arange(600) * 5e-3
+    t = np.arange(round(200 * seconds)) * 5e-3
     q = 0.4 * (1 - np.cos(2 * np.pi * 0.8 * t))[:, None]
-    s = drive(robot, "position", q[0], command=q, seconds=3.0, rate=200.0, kp=60.0, kd=4.0)
-    return recorded(robot, robot.source, World(), s, stream(3, 0))
+    s = drive(robot, "position", q[0], command=q, seconds=seconds, rate=200.0, kp=60.0, kd=4.0)
+    return recorded(robot, robot.source, World(), s, stream(3, seed))
 
 
 def test_the_error_of_the_headline_is_that_of_the_plot_and_of_the_table():
@@ -36,6 +38,14 @@ def test_the_error_of_the_headline_is_that_of_the_plot_and_of_the_table():
     plain = np.sqrt(np.nanmean(drawn**2))
     assert result.record["ladder"][0]["heldout_error"] == pytest.approx(plain, rel=1e-9)
     assert result.record["joints"][0]["error"] == pytest.approx(plain, rel=1e-9)
+
+
+def test_noise_of_torques_is_said_to_be_from_what_it_is_from():
+    """Two runs of one motion tell it, whatever the recordings state."""
+    runs = [replace(swing(6.0, k), control=Control("unknown", 200.0), q_cmd=None) for k in (0, 1)]
+    floors = [compare(World(runs[0].robot), some).record["noise_floor"] for some in (runs[:1], runs)]
+    assert [floor["from"] for floor in floors] == ["stated noise", "repeats"]
+    assert floors[1]["value"] == TorqueEvidence(runs).floor != floors[0]["value"]
 
 
 @pytest.mark.parametrize("first", [0, 1])

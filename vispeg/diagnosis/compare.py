@@ -40,6 +40,9 @@ class Comparison:
 def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, label: str | None = None) -> Comparison:
     """Drive the model with the recorded commands (or along the measured motion, for torques) and return its errors.
 
+    Every model is compared under the recorded controller, so that errors of two models are of one loop. `diagnose`
+    replaces a loop from which the given model drifts (`without_drift`), so the same model has another error there.
+
     Args:
         world: the model; nothing of it is fitted, so every recording is held out.
         recordings: of one robot.
@@ -58,7 +61,6 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
     joints = evidence.items[0].robot.joints
     drawn = maps(missing) if missing else {}
     unit = f"{evidence.unit} RMS"
-    stated = all(("q" if evidence.unit == "rad" else "tau") in r.noise for r in recordings)
     record: ComparisonRecord = {
         "format": "vispeg-compare/1",
         "ladder": [
@@ -69,7 +71,7 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
                 "unit": unit,
             }
         ],
-        "noise_floor": {"value": evidence.floor, "unit": unit, "from": "stated noise" if stated else "estimated"},
+        "noise_floor": {"value": evidence.floor, "unit": unit, "from": evidence.floor_from},
         "chi2": evidence.chi2(residual),
         "joints": _joints(evidence, pairs),
         "diverged": lost,
