@@ -7,10 +7,11 @@ from pathlib import Path
 import fits
 import numpy as np
 import pytest
+from loops import pendulum
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.conclusion.next_experiment import MENU, next_experiment
+from vispeg.diagnosis.conclusion.next_experiment import MENU, _Menu, next_experiment
 from vispeg.diagnosis.findings import Gain, Rivals, Score, Trial
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.search import Search
@@ -54,6 +55,19 @@ def torques(sigma=0.5):
 STATE = State(World("iiwa14").add(CHOSEN), np.ones((3, 1)), np.zeros(1))
 REFUSED = [Rivals(CHOSEN.label, (), (trial(OTHER),))]
 EQUAL = [Rivals(CHOSEN.label, (trial(OTHER),), (trial(OTHER),))]
+
+
+def test_two_models_are_as_far_apart_as_at_the_step_that_the_stiffer_one_needs():
+    """A light motor behind a stiff gear takes a quarter of a millisecond; at a whole one its motion is another."""
+    play = {"gap": 1e-3, "motor_inertia": 0.01, "compliance": 5e-6}
+    stiff = World().add(EffectInstance.of("backlash", "hinge", **play))
+    distances = []
+    for h_max in (1e-3, 2.5e-4):
+        evidence = Evidence([fits.still(pendulum(), 1.0)], h_max=h_max)
+        menu = _Menu(Search(evidence, Judge(evidence)), 0)
+        menu.motions = {"chirp": menu.motions["chirp"]}
+        distances.append(menu.apart(World(), stiff)["chirp"][0])
+    assert distances[0] == distances[1] > 0
 
 
 @pytest.mark.parametrize("made", [search, torques])

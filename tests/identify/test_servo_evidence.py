@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from loops import iiwa_segment, pendulum, recorded
+from loops import drive, iiwa_segment, pendulum, recorded
 
 from vispeg.cli.main import main
 from vispeg.core.effect import EffectInstance
@@ -44,6 +44,16 @@ def test_truth_leaves_white_noise_in_angles(recording):
     right, wrong = (r.reshape(item.measured.shape)[:, :7][item.valid[:, :7]] for r in here.residuals([SLOW, World()]))
     assert np.mean(right**2) == pytest.approx(1.0, abs=0.1)
     assert np.mean(wrong**2) > 1e4
+
+
+def test_a_servo_has_the_same_error_alone_and_beside_another_controller():
+    robot, t, made = pendulum(), np.arange(300) * 5e-3, []
+    for mode, gains in (("servo", {}), ("position", {"kp": 60.0, "kd": 4.0})):
+        goal = 0.4 * (1 - np.cos(2 * np.pi * 0.8 * t))[:, None]
+        s = drive(robot, mode, goal[0], command=goal, seconds=1.5, rate=200.0, **gains)
+        made.append(recorded(robot, robot.source, World(), s, stream(2, mode)))
+    alone, both = (Evidence(some).residuals([World()])[0] for some in (made[:1], made))
+    np.testing.assert_array_equal(both[: len(alone)], alone)
 
 
 @pytest.mark.parametrize("unit", [37.0, -0.2])

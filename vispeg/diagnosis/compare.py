@@ -92,7 +92,8 @@ def diverged(evidence: Evidence, world: World, predicted: Sequence[np.ndarray]) 
     out: list[Lost] = []
     for item, y in zip(evidence.items, predicted, strict=True):
         if not np.isfinite(y).all():
-            response = simulate(item.robot, [world], [item.segment], h_max=evidence.h_max)[0]
+            step = evidence.step_of(item.segment.control.mode, world)
+            response = simulate(item.robot, [world], [item.segment], h_max=step, along=True)[0]
             out.append({"recording": item.name, "time_s": float(response.diverged_at[0])})
     return out
 

@@ -54,7 +54,7 @@ class Evidence(Freedom):
 
     Args:
         recordings: with a known controller.
-        h_max: greatest physics step, s; at least 2.5 ms if all recordings are of servos.
+        h_max: greatest physics step, s; that of servos is at least 2.5 ms, that under OSC half of it (`step_of`).
         nthread: processors to use, for processes that share the worlds, or threads if there are few worlds.
 
     Attributes:
@@ -68,8 +68,7 @@ class Evidence(Freedom):
         large_apart()
         sound = [without_runaway(rec, nominal_robot(rec), 2.0 * _settle(rec)) for rec in recordings]
         self.recordings, self.nthread = [torque_if_saturated(rec, robot_of(rec)) for rec in sound], nthread
-        servo = all(rec.control.mode == "servo" for rec in recordings)
-        self.h_max = max(h_max, SERVO_STEP) if servo else h_max
+        self.h_max = h_max
         touched = [(rec, contact_of(rec, robot_of(rec))) for rec in self.recordings]
         every = _every(self.recordings)
         self.items = [i for (rec, contact), n in zip(touched, every, strict=True) for i in self._items(rec, contact, n)]
@@ -166,29 +165,27 @@ class Evidence(Freedom):
             return self._rolled_out(worlds, self.nthread)
         return shared(lambda some: self._rolled_out(some, 1), worlds, [i.measured.shape for i in self.items], count)
 
-    def _rolled_out(self, worlds: Sequence[World], nthread: int) -> list[np.ndarray]:
-        """Roll out the worlds in groups of one physics step, so that a fine step does not slow all of them."""
-        steps = np.array([min([self.h_max, *(_stable_step(e) for e in w.effects)]) for w in worlds])
-        if np.all(steps == steps[0]):
-            return self._rolled_out_at(float(steps[0]), worlds, nthread)
-        out: list[np.ndarray] = [np.empty((len(worlds), *i.measured.shape)) for i in self.items]
-        for step in sorted(set(steps.tolist())):
-            rows = np.flatnonzero(steps == step).tolist()
-            for all_rows, some in zip(out, self._rolled_out_at(step, [worlds[r] for r in rows], nthread), strict=True):
-                all_rows[rows] = some
-        return out
+    def step_of(self, mode: str, *worlds: World) -> float:
+        """Return the greatest physics step, s, at which these worlds are rolled out together under a control mode."""
+        usual = {"osc": self.h_max * SOFT_STEP, "servo": max(self.h_max, SERVO_STEP)}.get(mode, self.h_max)
+        return min([usual, *(_stable_step(e) for w in worlds for e in w.effects)])
 
-    def _rolled_out_at(self, step: float, worlds: Sequence[World], nthread: int) -> list[np.ndarray]:
-        """Roll out the worlds at one greatest physics step, items of one robot and controller together."""
-        out: list[np.ndarray] = [np.empty(0)] * len(self.items)
+    def _rolled_out(self, worlds: Sequence[World], nthread: int) -> list[np.ndarray]:
+        """Roll out the worlds, items of one robot and controller together, and so are worlds of one physics step.
+
+        So a fine step does not slow all of them.
+        """
+        out: list[np.ndarray] = [np.empty((len(worlds), *i.measured.shape)) for i in self.items]
         for group in self.groups:
             items = [self.items[i] for i in group]
-            h_max = min(step, self.h_max * SOFT_STEP) if items[0].segment.control.mode == "osc" else step
-            responses = simulate(
-                items[0].robot, worlds, [i.segment for i in items], h_max=h_max, nthread=nthread, along=True
-            )
-            for i, item, response in zip(group, items, responses, strict=True):
-                out[i] = np.concatenate([self.predicted(c, item, response, worlds) for c in item.channels], axis=2)
+            steps = np.array([self.step_of(items[0].segment.control.mode, w) for w in worlds])
+            for step in np.unique(steps):
+                rows = np.flatnonzero(steps == step).tolist()
+                some, options = [worlds[r] for r in rows], {"h_max": float(step), "nthread": nthread, "along": True}
+                responses = simulate(items[0].robot, some, [i.segment for i in items], **options)
+                for i, item, response in zip(group, items, responses, strict=True):
+                    predicted = [self.predicted(c, item, response, some) for c in item.channels]
+                    out[i][rows] = np.concatenate(predicted, axis=2)
         return out
 
     def compared(

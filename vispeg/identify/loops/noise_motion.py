@@ -14,7 +14,7 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.identify.channels import Item
-from vispeg.identify.evidence import SOFT_STEP, Evidence
+from vispeg.identify.evidence import Evidence
 from vispeg.recordings.noise import highpass_sigma, noise_of
 from vispeg.recordings.recording import Recording
 from vispeg.sim.rollout import ReadingNoise, simulate
@@ -48,7 +48,7 @@ def noise_motion(evidence: Evidence, world: World) -> float:
             stream(0, "stirred"),
             sensed=coarse,
         )
-        h_max = evidence.h_max * (SOFT_STEP if soft else 1.0)
+        h_max = evidence.step_of(item.segment.control.mode, world)
         draws = [_begun(item, world, k) if coarse else world for k in range(DRAWS)]
         share = RULES.noise_quantile_coarse if coarse else share
         options = {"h_max": h_max, "along": True, "reading_noise": noise}
