@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from loops import ARM, drive, recorded
+from loops import ARM, drive, pendulum, recorded
 
 from vispeg.api.diagnose import diagnose
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
+from vispeg.core.rules import varied
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.beginning import ANEW
 from vispeg.recordings.load import load
@@ -73,6 +74,52 @@ def test_the_search_by_itself_ends_with_the_model_of_the_command(rigs, tmp_path)
     assert made.state.world.values == command.world.values
     errors = [rung["heldout_error"] for rung in command.record["ladder"]]
     assert [rung.error for rung in made.rungs] == pytest.approx(errors, rel=1e-9)
+
+
+DRY = EffectInstance.of("coulomb_friction", "hinge", torque=0.5)
+VISCOUS = EffectInstance.of("viscous_friction", "hinge", damping=0.5)
+SPRING = EffectInstance.of("cable_spring", "hinge", stiffness=2.0, reference=0.2)
+NO_MORE = {"later": 1e9}  # of what the given effects removed: no effect is added
+
+
+@pytest.mark.parametrize(
+    ("hidden", "given", "rules", "moves"),
+    [
+        ((DRY,), (VISCOUS,), NO_MORE, ["exchanged Viscous friction at hinge for Coulomb friction at hinge"]),
+        pytest.param(
+            (DRY, SPRING), (), {}, ["+ Cable spring at hinge; + Coulomb friction at hinge"], marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_every_move_of_the_command_is_a_step_of_the_page(hidden, given, rules, moves, tmp_path):
+    """Exchanges too; each is said, and can be taken back and made again."""
+    robot, heard = pendulum(), Heard()
+    for i, name in enumerate(("rig-a", "rig-b", "rig-c")):
+        swing = 0.4 * (1 - np.cos(2 * np.pi * (0.7 + 0.2 * i) * np.arange(400) * 5e-3))
+        s = drive(robot, "position", 0.0, command=swing[:, None], seconds=2.0, rate=200.0, kp=60.0, kd=4.0)
+        write(recorded(robot, robot.source, World().add(*hidden), s, stream(5, i)), tmp_path / name)
+    model = tmp_path / "given.yaml"
+    model.write_text(model_text(World(str(robot.source), effects=tuple(replace(e, partial=True) for e in given))))
+    with varied(**rules):
+        made = study(tmp_path, tmp_path / "out", heard=heard, model=model)
+        first, known = made.state.world, len(made.rungs)
+        made.run()
+        assert [rung.words for rung in made.rungs[known:]] == moves
+        assert {e.label for e in made.state.world.effects} == {e.label for e in hidden}
+        assert made.rungs[-1].error < 0.1 * made.rungs[0].error
+        last, rungs = made.state.world, made.rungs
+        assert study(tmp_path, tmp_path / "out", model=model).state.world == last, "a killed one goes on where it stood"
+        for _ in moves:
+            made.undo()
+        assert made.state.world == first
+        for n in range(1, len(moves) + 1):
+            assert made.advance() and made.rungs == rungs[: known + n]
+        assert not made.advance() and made.state.world == last
+        sides = [tmp_path / "rig-a", tmp_path / "rig-b"], tmp_path / "rig-c"
+        command = diagnose(str(model), *sides, threads=1, part=made.part)
+    assert made.state.world.label == command.world.label and made.state.world.values == command.world.values
+    tried = [value for at, value in heard if at == "tried" and " in place of " in value.words]
+    assert len(tried) == 2 * sum("exchanged" in words for words in moves) and not any(t.refused for t in tried)
 
 
 @pytest.mark.slow

@@ -12,7 +12,6 @@ from vispeg.diagnosis.beginning import of_joints
 from vispeg.diagnosis.conclusion.farthest import farthest
 from vispeg.diagnosis.conclusion.intervals import of_form, widened
 from vispeg.diagnosis.conclusion.next_experiment import next_experiment, repeated
-from vispeg.diagnosis.conclusion.rivals import settled
 from vispeg.diagnosis.conclusion.shows_from import joints_show_from
 from vispeg.diagnosis.conclusion.subsets import subsets
 from vispeg.diagnosis.conclusion.verdict import decide, without_tentative
@@ -42,7 +41,7 @@ from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.traces import arrays, traces
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import TorqueEvidence, evidence_for
-from vispeg.identify.loops.noise_motion import noise_motion, within_noise
+from vispeg.identify.loops.noise_motion import noise_motion
 from vispeg.identify.loops.soft import without_drift
 from vispeg.recordings.checks import missing
 from vispeg.recordings.recording import Recording
@@ -102,10 +101,8 @@ def diagnose(
     world, n_given, n_fixed = begin.world, begin.n_given, begin.n_fixed
     rung = (begin.label, begin.first) if begin.read else None
     before_held = judged.residuals([world])[0]
-    state = (
-        search.start(begin.first, n_fixed) if within_noise(judged, begin.first) else search.run(begin.first, n_fixed)
-    )
-    rivals = settled(search, state, n_fixed, say)
+    state = search.run(begin.first, n_fixed)
+    rivals = state.rivals
     after_held = judged.residuals([state.world])[0]
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
     before_missing, after_missing = search.missing(world), search.missing(state.world)

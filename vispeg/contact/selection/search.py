@@ -323,6 +323,10 @@ class ContactSearch(Search):
         asked = ["contact gain", model_text(world), placed_dict(placed), list(free)]
         return self.progress.recall(asked, lambda: Screen(self.evidence, world, free).gain(placed))
 
+    def _replace(self, state: State, n_fixed: int) -> bool:
+        """Do nothing: rivals are named beside an effect of contact, and do not replace it."""
+        return False
+
     def _grow(self, state: State, placed: EffectInstance, n_fixed: int) -> None:
         """Do nothing: no effect of contact contains another one."""
 

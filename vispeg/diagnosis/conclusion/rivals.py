@@ -28,22 +28,20 @@ from vispeg.worlds.places import ALL
 AT_ONCE = 2**30  # bytes of derivatives that concurrent fits may hold
 
 
-def settled(search: Searching, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
-    """Return the rivals of accepted effects, after a clearly better or likelier rival has replaced its effect.
+def replaced(search: Searching, state: State, n_fixed: int) -> bool:
+    """Replace an effect by a clearly better or likelier rival, at most `exchanges` times; return whether it was.
 
-    The search goes on after each replacement.
+    The rivals of all accepted effects are left in the state.
     """
-    rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
-    for _ in range(RULES.exchanges):
-        better = [(t, r) for r in rivals for t in r.equals if _better(search, state, t, r.label)]
-        if not better or len(state.world.effects) - n_fixed < 2:
-            break
-        trial, rival = min(better, key=lambda at: float(at[0].loss.sum()))
-        say(f"{trial.score.label} replaces {rival.label}")
-        _put_in(search, state, trial, rival.label, n_fixed)
-        search.go_on(state, n_fixed)  # after the replacement, another effect may pass
-        rivals = find_rivals(search, state, n_fixed, say)
-    return rivals
+    state.rivals = find_rivals(search, state, n_fixed, search.say)
+    better = [(t, r) for r in state.rivals for t in r.equals if _better(search, state, t, r.label)]
+    if not better or len(state.world.effects) - n_fixed < 2 or state.replaced == RULES.exchanges:
+        return False
+    trial, rival = min(better, key=lambda at: float(at[0].loss.sum()))
+    search.say(f"{trial.score.label} replaces {rival.label}")
+    _put_in(search, state, trial, rival.label, n_fixed)
+    state.replaced += 1
+    return True
 
 
 def _put_in(search: Searching, state: State, rival: Trial, label: str, n_fixed: int) -> None:
@@ -53,7 +51,7 @@ def _put_in(search: Searching, state: State, rival: Trial, label: str, n_fixed: 
     """
     (accepted,) = [e for e in state.world.effects if e.label == label]
     gain = search.judge.gain(state.loss, rival.loss)
-    step = replace(rival, score=replace(rival.score, out=(accepted,)), gain=gain)
+    step = replace(rival, score=replace(rival.score, out=(accepted,)), gain=gain, rejected="")
     search.take(state, step, [step], n_fixed)
     prune(search, state, n_fixed)
 

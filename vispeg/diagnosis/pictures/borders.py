@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from vispeg.core.effect import EffectInstance
@@ -25,22 +26,21 @@ class BorderSearch(PictureSearch):
         """As `PictureSearch`; lower, because projection is nearly exact and `doubt` also demands a change in px."""
         return RULES.later
 
-    def run(self, world: World, n_fixed: int | None = None) -> State:
-        """Add effects until none is accepted, then replace effects by simpler or better ones.
+    def ways(self, state: State, n_fixed: int) -> Sequence[Callable[[State, int], bool]]:
+        """As `PictureSearch`; then effects are replaced by simpler or better ones."""
+        return (*super().ways(state, n_fixed), self._replace)
 
-        `n_fixed` is the number of the world's first effects that stay as they are; by default all.
-        """
-        n_fixed = len(world.effects) if n_fixed is None else n_fixed
-        state = super().run(world, n_fixed)
-        for _ in range(RULES.exchanges):
+    def _replace(self, state: State, n_fixed: int) -> bool:
+        """Replace all effects by a simpler one, or one by a better, at most `exchanges` times; return whether so."""
+        better = None
+        if state.replaced < RULES.exchanges:
             better = self._simpler(state, n_fixed) or self._exchange(state, n_fixed)
-            if better is None:
-                break
-            trial, trials = better
-            self.take(state, trial, trials, n_fixed)
-            self._prune(state, n_fixed)
-            self.go_on(state, n_fixed)
-        return state
+        if better is None:
+            return False
+        self.take(state, *better, n_fixed)
+        self._prune(state, n_fixed)
+        state.replaced += 1
+        return True
 
     def doubt(self, placed: EffectInstance, added: World, without: World, n_fixed: int) -> str:
         """As `PictureSearch`: the other effects can replace it, or the two recordings disagree on it."""

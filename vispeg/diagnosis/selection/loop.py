@@ -1,4 +1,4 @@
-"""The loop of every search: each step adds the best candidate that passes the test, until none does.
+"""The loop of every search: each move adds the best candidate that passes the test, or revises, until none does.
 
 Each kind of search is a subclass that says what a step tries, how an effect is fitted, and how it is accepted.
 """
@@ -48,12 +48,12 @@ class Loop(ABC):
     def announce(self, state: State) -> None:
         """Report the state of the search before a step."""
 
-    def ways(self) -> Sequence[Callable[[State, int], bool]]:
-        """Return the moves of the search, in the order of preference.
+    def ways(self, state: State, n_fixed: int) -> Sequence[Callable[[State, int], bool]]:
+        """Return the moves that the search may try at a state, in the order of preference.
 
-        A move is called with a state and `n_fixed`, may change the state, and returns whether it did.
+        A move is called with the state and `n_fixed`, may change the state, and returns whether it did.
         """
-        return (self.advance,)
+        return (self.advance,) if self.worth_it(state, n_fixed) else ()
 
     def run(self, world: World, n_fixed: int | None = None) -> State:
         """Add effects until none passes the test on the held-out recordings; those after the first `n_fixed` are
@@ -67,10 +67,13 @@ class Loop(ABC):
         return state
 
     def go_on(self, state: State, n_fixed: int) -> None:
-        """Apply to a state the first move that changes it, again and again, until none does."""
-        ways = self.ways()
-        while self.worth_it(state, n_fixed) and any(way(state, n_fixed) for way in ways):
+        """Move until no move changes the state."""
+        while self.move(state, n_fixed):
             pass
+
+    def move(self, state: State, n_fixed: int) -> bool:
+        """Apply to a state the first move that changes it; return False if none does: the search has ended."""
+        return any(way(state, n_fixed) for way in self.ways(state, n_fixed))
 
     def advance(self, state: State, n_fixed: int) -> bool:
         """Add the best candidate that passes; return False if none does, or if it was removed again."""
@@ -86,5 +89,5 @@ class Loop(ABC):
         return state.world.label != before.world.label  # the added effect may have been removed again
 
     def worth_it(self, state: State, n_fixed: int) -> bool:
-        """Return whether another step may be taken: fewer effects were added than the evidence allows."""
+        """Return whether another effect may be added: fewer were added than the evidence allows."""
         return len(state.world.effects) - n_fixed < self.evidence.most_effects

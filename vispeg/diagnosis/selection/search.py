@@ -9,6 +9,7 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
+from vispeg.diagnosis.conclusion.rivals import replaced
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_z
 from vispeg.diagnosis.evidence.screen import candidates, groups, shortlist
 from vispeg.diagnosis.findings import Score, Trial
@@ -27,6 +28,7 @@ from vispeg.diagnosis.selection.shown import Shown
 from vispeg.diagnosis.selection.state import State, without
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Chase, Fit, Race, fit_job
+from vispeg.identify.loops.noise_motion import within_noise
 from vispeg.identify.pool import run_together
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
@@ -64,15 +66,11 @@ class Search(Loop, Shown, Proposals):
         """Largest number of effects for which the whole library is screened for competitors of each."""
         return RULES.rivals_full
 
-    def ways(self) -> Sequence[Callable[[State, int], bool]]:
-        """Return the moves of the search: adding an effect, then revisions of the accepted ones."""
-        return self.advance, partial(refined, self), partial(remove_aliases, self), partial(gathered, self)
-
-    def go_on(self, state: State, n_fixed: int) -> None:
-        """Apply the moves until none changes the state; then exchange effects, and begin again after an exchange."""
-        super().go_on(state, n_fixed)
-        while self._exchange(state, n_fixed):
-            super().go_on(state, n_fixed)
+    def ways(self, state: State, n_fixed: int) -> Sequence[Callable[[State, int], bool]]:
+        """Return the moves: adding an effect and revisions, if worth it; then exchanges, and rivals as replacements."""
+        revise = partial(refined, self), partial(remove_aliases, self), partial(gathered, self)
+        more = (self.advance, *revise) if self.worth_it(state, n_fixed) else ()
+        return (*more, self._exchange, self._replace)
 
     def _exchange(self, state: State, n_fixed: int) -> bool:
         """Exchange accepted effects for others if both fitted and held-out error fall; return whether they did.
@@ -80,7 +78,7 @@ class Search(Loop, Shown, Proposals):
         An exchange adds no effect, so errors of the laws' form do not favour it: it is tried wherever more than noise
         is left, also where no further effect would be added (`worth_it`).
         """
-        if state.fit is None or self._at_floor(state.world, state.loss):
+        if state.fit is None or state.drowned or self._at_floor(state.world, state.loss):
             return False
         score = self.swap(state)
         if score is None:
@@ -98,13 +96,18 @@ class Search(Loop, Shown, Proposals):
         prune(self, state, n_fixed)
         return True
 
+    def _replace(self, state: State, n_fixed: int) -> bool:
+        """Replace an effect by a better rival, as `replaced`."""
+        return replaced(self, state, n_fixed)
+
     def start(self, world: World, n_fixed: int | None = None) -> State:
         """Return the state at which a search begins; effects of `world` after the first `n_fixed` are refitted.
 
         If `n_fixed` is None, none is refitted.
         """
         residual, loss = self.evidence.residuals([world])[0], self.judge.losses([world])[0]
-        state = State(world, loss, residual, first=self.judge.mean(loss))
+        drowned = within_noise(self.judge.evidence, world)
+        state = State(world, loss, residual, first=self.judge.mean(loss), drowned=drowned)
         if n_fixed is not None and n_fixed < len(world.effects):
             self.say(f"fitting {len(world.effects) - n_fixed} partial effects of the model anew")
             # one iteration evaluates the given values, which are kept if the held-out recordings prefer them
@@ -130,10 +133,10 @@ class Search(Loop, Shown, Proposals):
         prune(self, state, n_fixed)
 
     def worth_it(self, state: State, n_fixed: int) -> bool:
-        """Return whether a step is allowed, and enough error is left above the floor for a candidate to pass."""
+        """Return whether an addition is allowed, and enough error is left above the floor for a candidate to pass."""
         excess = self.judge.mean(state.loss) - self.judge.floor(state.world)
         enough = excess > RULES.at_floor - 1.0 and (state.fit is None or excess > self.least_share * state.scale)
-        return enough and super().worth_it(state, n_fixed)
+        return enough and not state.drowned and super().worth_it(state, n_fixed)
 
     def offers(self, state: State, n_fixed: int) -> list[Trial]:
         """Screen the library against the state, fit and judge the best candidates; those that pass come first.

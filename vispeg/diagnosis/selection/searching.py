@@ -170,10 +170,6 @@ class Searching(Testing, Protocol):
         """Add the best candidate that passes; return False if none does."""
         ...
 
-    def go_on(self, state: State, n_fixed: int) -> None:
-        """Continue the search from a state until no move changes it."""
-        ...
-
     def worth_it(self, state: State, n_fixed: int) -> bool:
-        """Return whether another step may be taken."""
+        """Return whether another effect may be added."""
         ...

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance
-from vispeg.diagnosis.findings import Score, Trial
+from vispeg.diagnosis.findings import Rivals, Score, Trial
 from vispeg.identify.fit import Fit
 from vispeg.worlds.world import World
 
@@ -35,6 +35,10 @@ class State:
         cross: cross-fitted loss on the fitted recordings (`Cross`).
         tried_removals: removals of suspected aliases that were tried: label of the world, then of the removed effects.
         slight: labels of effects that lower the held-out error, but by no visible share (`prune`).
+        drowned: whether the first error is no larger than what noise in the feedback makes (`within_noise`); then
+            nothing is added.
+        rivals: of the accepted effects, when a replacement was last tried.
+        replaced: number of effects that a better rival has replaced since the start.
     """
 
     world: World
@@ -49,6 +53,9 @@ class State:
     cross: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     tried_removals: set[tuple[str, ...]] = field(default_factory=set)
     slight: frozenset[str] = frozenset()
+    drowned: bool = False
+    rivals: Sequence[Rivals] = ()
+    replaced: int = 0
 
     def take(self, fit: Fit, loss: np.ndarray) -> None:
         """Update the state to a fit with its held-out loss."""

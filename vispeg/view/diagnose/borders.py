@@ -6,7 +6,7 @@ import numpy as np
 
 from vispeg.api.inputs import Inputs
 from vispeg.channels.pictures import border_evidence_of
-from vispeg.diagnosis.pictures.search import PictureSearch
+from vispeg.diagnosis.pictures.borders import BorderSearch
 from vispeg.diagnosis.progress import Progress
 from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.identify.pictures.points import Item
@@ -32,7 +32,7 @@ class Borders(Subject):
             inputs.world, inputs.fitted, inputs.held_out if progress else (), progress
         )
         self.judged: BorderEvidence = evidence if judged is None else judged
-        self.search = None if judged is None else PictureSearch(evidence, judged, say, progress)
+        self.search = None if judged is None else BorderSearch(evidence, judged, say, progress)
         self.columns = tuple(dict.fromkeys(i.sight.camera.name for i in self.judged.items))
         self.units = (self.unit,) * len(self.columns)
 

@@ -19,7 +19,7 @@ class Named:
 
 @dataclass(frozen=True)
 class Rung:
-    """One model of the ladder: what was added to the previous model, and the held-out RMS error with it."""
+    """One model of the ladder: what was changed in the previous model, and the held-out RMS error with it."""
 
     words: str
     error: float

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from copy import copy
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -36,8 +35,8 @@ from vispeg.view.diagnose.joints import Joints
 from vispeg.view.diagnose.plain import Plain
 from vispeg.view.diagnose.standing import Candidate, Pictured, Rung, Standing, Tried
 from vispeg.view.diagnose.subject import Steps
+from vispeg.view.diagnose.telling import changed, named, size, spelt, words
 from vispeg.view.diagnose.telling import key as key_of
-from vispeg.view.diagnose.telling import named, size, spelt, words
 from vispeg.vision.show import side_by_side
 from vispeg.worlds.model_file import placed_dict, write_model
 from vispeg.worlds.world import World
@@ -155,31 +154,29 @@ class Study:
         self.show()
 
     def advance(self) -> bool:
-        """Let the search take one step by itself; return False once no more steps follow."""
+        """Let the search make one move by itself, as the command does; return False once it has ended."""
         search, state = self._searching()
-        if not search.worth_it(state, self.n_fixed):
-            self.tell("say", "the error is near the sensor noise: nothing more can be named")
-            return False
         self._remember()
-        steps, before, was = len(state.steps), self.subject.error(state.world), {e.label for e in state.world.effects}
-        went_on = search.advance(state, self.n_fixed)
-        trials = state.last if len(state.steps) == steps else state.steps[steps][1]
-        for trial in trials:
+        was, before = self.before[-1][0], self.subject.error(state.world)
+        moved = search.move(state, self.n_fixed)
+        trials = [] if state.last is was.last else state.last
+        new = [step for step in state.steps if not any(step is old for old in was.steps)]
+        for trial in (*trials, *(t for _, tried in new for t in tried)):
             self.tell("tried", self._tried(trial, before))
-        if len(state.steps) == steps:
+        if state.world == was.world:
             self.before.pop()
-            self.tell("say", "no candidate earns its place on the held-out recordings")
-            return False
-        new = [e for e in state.world.effects if e.label not in was]
-        gone = was - {e.label for e in state.world.effects}
-        words = [f"+ {effect_words.named(placed_dict(e))}" for e in new] + [f"− {label}" for label in sorted(gone)]
-        self._rung("; ".join(words) or "refitted")
-        self._did("advance")
-        self.show()
-        return went_on
+        else:
+            self._rung(changed(was.world, state.world))
+            self._did("advance")
+            self.show()
+        if not moved:
+            near = not search.worth_it(state, self.n_fixed)
+            end = "the error is near the sensor noise: nothing more can be named"
+            self.tell("say", end if near else "no candidate earns its place on the held-out recordings")
+        return moved
 
     def run(self) -> None:
-        """Let the search take steps by itself until no more follow."""
+        """Let the search make its moves by itself until it ends."""
         while self.advance():
             pass
 
@@ -266,9 +263,9 @@ class Study:
         return Tried(words(trial.score), size, before, self.subject.error(trial.fit.world), trial.rejected)
 
     def _remember(self) -> None:
-        state = copy(self._searching()[1])
-        state.steps, state.last = [*state.steps], [*state.last]
-        self.before.append((state, [*self.rungs]))
+        state = self._searching()[1]
+        kept = replace(state, steps=[*state.steps], tried_removals={*state.tried_removals})
+        self.before.append((kept, [*self.rungs]))
 
     def _rung(self, words: str) -> None:
         self.rungs.append(Rung(words, self.subject.error(self._searching()[1].world)))

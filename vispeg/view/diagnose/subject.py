@@ -1,4 +1,4 @@
-"""What the diagnosis page needs of a channel: a search that adds effects, and data to draw its state.
+"""What the diagnosis page needs of a channel: a search for effects, and data to draw its state.
 
 Joints, contact and pictures have a class each, and `Plain` serves other channels; the page uses only this interface.
 """
@@ -28,18 +28,18 @@ Say = Callable[[str], None]
 
 
 class Steps(Protocol):
-    """The interface of a search that is driven step by step."""
+    """The interface of a search that is driven move by move."""
 
     def start(self, world: World, n_fixed: int) -> State:
         """Return the state at the start of a search; the world's effects after the first `n_fixed` are fitted again."""
         ...
 
     def worth_it(self, state: State, n_fixed: int) -> bool:
-        """Return whether another step may be taken."""
+        """Return whether another effect may be added."""
         ...
 
-    def advance(self, state: State, n_fixed: int) -> bool:
-        """Add the best effect that passes; return False if none does."""
+    def move(self, state: State, n_fixed: int) -> bool:
+        """Add, exchange or remove effects; return False if nothing improves the state: the search has ended."""
         ...
 
     def scored(self, state: State) -> list[Score]:
@@ -63,7 +63,7 @@ class Subject(ABC):
     """The comparison of a model with recordings in one channel.
 
     Attributes:
-        search: the search that adds effects; None without recordings to judge on.
+        search: the search for effects; None without recordings to judge on.
         columns, units: names of the compared quantities (joints, axes of the wrist, cameras), and the unit of each.
         unit: unit of `error` and `floor`.
         shows: what the numbers in the maps mean.

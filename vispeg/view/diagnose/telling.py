@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from vispeg.identify.evidence import Evidence
 from vispeg.report.text import effect_words
 from vispeg.view.diagnose.standing import Field, Named, Track
 from vispeg.worlds.model_file import placed_dict
+from vispeg.worlds.world import World
 
 MOST = 3000  # most samples of a track that the page draws
 
@@ -35,12 +37,28 @@ def size(score: Score) -> int:
 
 
 def words(score: Score) -> str:
-    """Return a candidate's name in words."""
+    """Return a candidate's name in words, and the effects that it would replace."""
     name, where = score.key
-    if not score.beside:
-        return effect_words.named({"effect": name, "where": where})
-    titles = " and ".join(dict.fromkeys(effect_words.title(e.effect) for e in score.members))
-    return f"{titles} in {len({e.where for e in score.members})} joints"
+    text = effect_words.named({"effect": name, "where": where})
+    if score.beside:
+        titles = " and ".join(dict.fromkeys(effect_words.title(e.effect) for e in score.members))
+        text = f"{titles} in {len({e.where for e in score.members})} joints"
+    return f"{text} in place of {_listed(score.out)}" if score.out else text
+
+
+def changed(before: World, after: World) -> str:
+    """Return in words which effects a model gained and lost: `+ A`, `− B`, or `exchanged B for A`."""
+    has, had = ({e.label for e in world.effects} for world in (after, before))
+    gone = [e for e in before.effects if e.label not in has]
+    new = [e for e in after.effects if e.label not in had]
+    if gone and new:
+        return f"exchanged {_listed(gone)} for {_listed(new)}"
+    signed = [f"+ {_listed([e])}" for e in new] + [f"− {_listed([e])}" for e in gone]
+    return "; ".join(signed) or "refitted"
+
+
+def _listed(effects: Sequence[EffectInstance]) -> str:
+    return ", ".join(effect_words.named(placed_dict(e)) for e in effects)
 
 
 def named(placed: EffectInstance) -> Named:
