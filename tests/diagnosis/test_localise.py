@@ -7,7 +7,7 @@ import pytest
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.evidence.localise import joint_data, missing_torque
+from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, maps, missing_torque, peaks
 from vispeg.identify.excitation import motion
 from vispeg.identify.inverse import evidence_for
 from vispeg.identify.record import centre_of, controller, record
@@ -37,3 +37,15 @@ def test_the_missing_torque_is_that_of_the_hidden_effect(rippled, known):
     exerted = RIPPLE["amplitude"] * np.sin(RIPPLE["poles"] * data.q + RIPPLE["phase"])
     assert exerted @ data.excess / (exerted @ exerted) == pytest.approx(1.0, abs=0.1)
     assert effect("cogging").guesses(data)[0]["phase"] == pytest.approx(RIPPLE["phase"], abs=0.3)
+
+
+def test_a_cell_of_load_holds_the_same_samples_before_and_after():
+    """A joint misses ten noises at some loads under both models, of which the second predicts 6 N m less."""
+    t = np.linspace(0.0, 10.0, 2000)
+    q = np.sin(t)[:, None]
+    load = 5.0 + 5.0 * q
+    excess = np.where((load > 4.6) & (load < 4.9), 10.0, 0.0)
+    before, after = ([MissingTorque(t, q, q, q, tau, tau, excess, np.ones(1))] for tau in (load, load - 6.0))
+    rows = peaks(maps(before), ("hinge",), maps(after, over=before))
+    for row in rows:
+        assert row["times_noise"] == row["times_noise_after"] > 1.0, row["axis"]

@@ -144,7 +144,7 @@ def diagnose(
     )
     equals = [(f"{t.score.label} in place of {r.label}", t.fit.world) for r in rivals for t in r.equals]
     drawing = arrays(traces(judged.items, predicted), joints) | subsets(judged, state.world, n_given, equals)
-    drawn, final_maps = maps(held[0]), maps(held[1])
+    drawn, final_maps = maps(held[0]), maps(held[1], over=held[0])
     for axis, (edges, grid) in drawn.items():
         drawing[f"map/{axis}/edges"], drawing[f"map/{axis}/before"] = edges, grid
         drawing[f"map/{axis}/after"] = final_maps[axis][1]

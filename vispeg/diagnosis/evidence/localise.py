@@ -229,11 +229,17 @@ def cells(missing: Sequence[MissingTorque], bins: int = 12) -> dict[str, Cells]:
     return out
 
 
-def maps(missing: Sequence[MissingTorque], bins: int = 12) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return for each axis the cells' edges (k+1,) and the RMS missing torque over its noise (nj, k), NaN if empty."""
+def maps(
+    missing: Sequence[MissingTorque], bins: int = 12, over: Sequence[MissingTorque] | None = None
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return for each axis the cells' edges (k+1,) and the RMS missing torque over its noise (nj, k), NaN if empty.
+
+    The cells are those of `over`, the missing torques of the same samples under another model; by default their own. A
+    model's load is its own where torques are compared, so only with `over` are two models' cells the same samples.
+    """
     z = np.concatenate([(k.excess / k.sigma) ** 2 for k in missing])
     out = {}
-    for axis, cell in cells(missing, bins).items():
+    for axis, cell in cells(missing if over is None else over, bins).items():
         grid = np.full((z.shape[1], bins), np.nan)
         for j, number in enumerate(cell.number.T):
             inside = number >= 0
