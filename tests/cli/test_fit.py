@@ -168,6 +168,10 @@ def test_resume_refuses_another_fit(refused, rigs, tmp_path):
         (["--effects", "joint_bias:joint1", "--threads", "0"], ["threads", "at least 1"]),
         (["--protocol", "paper"], ["control.mode", "osc"]),
         (["--protocol", "paper", "--effects", "joint_bias:joint1"], ["--effects"]),
+        (["--protocol", "paper", "--starts", "8"], ["--starts", "paper's protocol"]),
+        (["--protocol", "paper", "--method", "least-squares"], ["--method", "paper's protocol"]),
+        (["--protocol", "paper", "--channels", "pictures"], ["--channels", "paper's protocol"]),
+        (["--protocol", "paper", "--seconds", "2"], ["--seconds", "paper's protocol"]),
     ],
 )
 def test_mistakes(refused, rigs, args, words):

@@ -145,8 +145,9 @@ def _by_paper(call: Call, options: dict[str, Any]) -> Any:
     from vispeg.cli.progress import generations
     from vispeg.identify.paper.protocol import GENERATIONS
 
-    if call.effects:
-        raise UserError("the paper's protocol has its own parameters", key="--effects", expected="none")
+    for flag in ("--effects", "--starts", "--method", "--channels", "--seconds"):
+        if flag in call.changed:
+            raise UserError("is not for the paper's protocol", key=flag, expected="--protocol effects")
     if len(call.recordings) != 1:
         got = len(call.recordings)
         raise UserError("the paper's protocol fits one recording", key="--recording", expected=1, got=got)
