@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from vispeg.cli.main import main
+from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.identify.paper import intervals, protocol
 from vispeg.identify.paper.intervals import determine
@@ -65,6 +66,20 @@ def test_steps_without_a_measured_pose_are_not_compared(determined):
     assert protocol.cost(some, path) == pytest.approx(
         protocol.cost(pieces, path) - np.linalg.norm((pieces.measured - path)[0]) + left
     )
+
+
+def test_a_given_models_values_at_all_places_are_where_the_fit_begins(recorded):
+    """`damping 2 at all joints` moves the flange as 2 at each of them does, and no dead entry stays."""
+    every = [EffectInstance.of("viscous_friction", "all", damping=2.0), EffectInstance.of("link_mass", "all", mass=0.5)]
+    given = World(effects=(*every, EffectInstance.of("viscous_friction", "joint2", damping=1.0)))
+    pieces = protocol.cut(load(recorded))
+    space = protocol.Coordinates(given, pieces)
+    start = space.at(space.start)
+    values = {e.label: v.value for e in start.effects for v in e.params.values() if e.effect != "gravity_tilt"}
+    expected = {f"link_mass({link})": 0.5 for link in pieces.robot.links}
+    expected |= {f"viscous_friction({j})": 1.0 if j == "joint2" else 2.0 for j in pieces.robot.joints}
+    assert values == pytest.approx(expected)
+    np.testing.assert_allclose(*protocol.paths(pieces, [given, start]), atol=1e-9)
 
 
 def test_samples_without_a_measured_pose_tell_nothing(recorded):

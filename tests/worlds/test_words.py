@@ -17,3 +17,7 @@ def test_what_is_not_stated_of_an_effect_that_is_there_is_as_it_is_there():
     there = EffectInstance.of("coulomb_friction", "joint2", torque=3.0)
     each = parse("coulomb_friction:each", robot, [there])
     assert [e.params["torque"].value for e in each] == [3.0 if e.where == "joint2" else 0.5 for e in each]
+    both = parse("coulomb_friction:each", robot, [EffectInstance.of("coulomb_friction", "all", torque=2.0), there])
+    assert [e.params["torque"].value for e in both] == [3.0 if e.where == "joint2" else 2.0 for e in both]
+    (one,) = parse("coulomb_friction:joint4", robot, [EffectInstance.of("coulomb_friction", "all", torque=2.0)])
+    assert (one.where, one.params["torque"].value) == ("joint4", 2.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 from vispeg.core.effect import Effect, EffectInstance, effect
@@ -64,7 +65,8 @@ def parse(text: str, robot: Any, present: Iterable[EffectInstance] = ()) -> list
     Args:
         text: WHERE is a place of the robot, `all` (one value for all places) or `each` (an effect at each place).
         robot: the RobotModel or Scene with the places.
-        present: effects from which parameters that the text does not state are taken; for others see `completed`.
+        present: effects, at the place or at `all`, from which parameters that the text does not state are taken; for
+            others see `completed`.
 
     Raises:
         UserError: no such effect, place or parameter, or a number out of bounds.
@@ -78,6 +80,9 @@ def parse(text: str, robot: Any, present: Iterable[EffectInstance] = ()) -> list
     stated = values(kind, [s for s in settings.split(",") if s])
     values_of_all = completed(kind, stated)
     places = instances(kind, where, robot) if where == EACH else [place(kind, where, robot)]
-    here = {e.where: e for e in present if e.effect == name}
+    here: dict[str, EffectInstance] = {}
+    for e in present:  # of two at one place the later one counts
+        if e.effect == name:
+            here |= {w: replace(e, where=w) for w in (places if e.where == ALL else [e.where])}
     begun = {w: e.with_values(**stated) if stated else e for w, e in here.items()}
     return [begun.get(w) or EffectInstance.of(name, w, **values_of_all) for w in places]

@@ -10,7 +10,7 @@ docs/sources.md.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from vispeg.sim.compiled import compiled, flange_pose
 from vispeg.sim.nominal import Nominal
 from vispeg.sim.rollout import simulate
 from vispeg.sim.segments.segment import Segment, segments
+from vispeg.worlds.places import ALL
 from vispeg.worlds.world import World
 
 PIECES, STEPS = 9, 50  # number of pieces of a recording, and of compared samples in each
@@ -125,9 +126,9 @@ class Coordinates:
     """Parameters of the protocol as a vector in typical sizes: tilt (2), link masses (nj), damping (nj).
 
     Attributes:
-        world: the given model.
+        world: the given model, without effects at `all` places that `placed` holds at each.
         axes: effect, place, parameter and typical size of each coordinate.
-        placed: (effect, place) -> the given model's effect, at null if it lacks it.
+        placed: (effect, place) -> the given model's effect there or at `all` places, at null if it lacks both.
     """
 
     def __init__(self, world: World, pieces: Pieces):
@@ -135,13 +136,15 @@ class Coordinates:
         nominal = Nominal(compiled(robot), robot.joints, robot.flange, 1, 1)
         mass = nominal.operational(pieces.segments[0].q[:1])[0][0]
         inertia = 1.0 / np.diagonal(np.linalg.inv(mass))  # of each joint if the others are free
-        self.world = world
         self.axes: list[tuple[str, str, str, float]] = [("gravity_tilt", "base", k, TILT) for k in ("roll", "pitch")]
         self.axes += [("link_mass", link, "mass", MASS) for link in robot.links]
         self.axes += [("viscous_friction", j, "damping", DECAY * i) for j, i in zip(robot.joints, inertia, strict=True)]
-        here = {(e.effect, e.where): e for e in world.effects}
-        places = dict.fromkeys((name, where) for name, where, _, _ in self.axes)
-        self.placed = {at: here.get(at, EffectInstance.of(*at)) for at in places}
+        self.placed = {(name, where): EffectInstance.of(name, where) for name, where, _, _ in self.axes}
+        for e in world.effects:  # of two at one place the later one counts
+            at = [(name, where) for name, where in self.placed if name == e.effect and e.where in (where, ALL)]
+            self.placed |= {(name, where): replace(e, where=where) for name, where in at}
+        spread = {(name, ALL) for name, _ in self.placed}
+        self.world = replace(world, effects=tuple(e for e in world.effects if (e.effect, e.where) not in spread))
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
