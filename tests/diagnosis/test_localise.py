@@ -40,12 +40,12 @@ def test_the_missing_torque_is_that_of_the_hidden_effect(rippled, known):
 
 
 def test_a_cell_of_load_holds_the_same_samples_before_and_after():
-    """A joint misses ten noises at some loads under both models, of which the second predicts 6 N m less."""
+    """One of two joints misses ten noises at some loads, also under a second model that predicts 6 N m less there."""
     t = np.linspace(0.0, 10.0, 2000)
-    q = np.sin(t)[:, None]
-    load = 5.0 + 5.0 * q
-    excess = np.where((load > 4.6) & (load < 4.9), 10.0, 0.0)
-    before, after = ([MissingTorque(t, q, q, q, tau, tau, excess, np.ones(1))] for tau in (load, load - 6.0))
-    rows = peaks(maps(before), ("hinge",), maps(after, over=before))
+    q = np.repeat(np.sin(t)[:, None], 2, axis=1)
+    load = 5.0 * q + [0.0, 5.0]
+    excess = np.where((load > 4.6) & (load < 4.9), 10.0, 0.0) * [0.0, 1.0]
+    before, after = ([MissingTorque(t, q, q, q, tau, tau, excess, np.ones(2))] for tau in (load, load - [0.0, 6.0]))
+    rows = peaks(maps(before), ("shoulder", "elbow"), maps(after, over=before))
     for row in rows:
         assert row["times_noise"] == row["times_noise_after"] > 1.0, row["axis"]
