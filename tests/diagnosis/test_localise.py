@@ -7,7 +7,7 @@ import pytest
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, maps, missing_torque, peaks
+from vispeg.diagnosis.evidence.localise import MissingTorque, cells, joint_data, maps, missing_torque, peaks, worst
 from vispeg.identify.excitation import motion
 from vispeg.identify.inverse import evidence_for
 from vispeg.identify.record import centre_of, controller, record
@@ -49,3 +49,7 @@ def test_a_cell_of_load_holds_the_same_samples_before_and_after():
     rows = peaks(maps(before), ("shoulder", "elbow"), maps(after, over=before))
     for row in rows:
         assert row["times_noise"] == row["times_noise_after"] > 1.0, row["axis"]
+    at, there = worst(after, over=before), cells(before)
+    for axis, cell in there.items():  # the moment that a cell leads to lies in it
+        for joint, numbers in enumerate(at[axis]):
+            assert all(cell.number[row, joint] == k for k, row in enumerate(numbers) if row >= 0), axis

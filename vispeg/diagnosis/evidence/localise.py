@@ -250,11 +250,16 @@ def maps(
     return out
 
 
-def worst(missing: Sequence[MissingTorque], bins: int = 12) -> dict[str, np.ndarray]:
-    """Return for each axis the index of the sample with the largest missing torque in each cell (nj, k), -1 if none."""
+def worst(
+    missing: Sequence[MissingTorque], bins: int = 12, over: Sequence[MissingTorque] | None = None
+) -> dict[str, np.ndarray]:
+    """Return for each axis the index of the sample with the largest missing torque in each cell (nj, k), -1 if none.
+
+    The cells are those of `over`, as in `maps`.
+    """
     z = np.abs(np.concatenate([k.excess / k.sigma for k in missing]))
     out = {}
-    for axis, cell in cells(missing, bins).items():
+    for axis, cell in cells(missing if over is None else over, bins).items():
         at = np.full((z.shape[1], bins), -1)
         for j, number in enumerate(cell.number.T):
             for i in range(bins):

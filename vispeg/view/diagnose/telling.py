@@ -91,7 +91,8 @@ def maps(judged: Evidence, first: list[np.ndarray], now: list[np.ndarray]) -> di
 
     before, after = missing(first), missing(now)
     when = np.concatenate([np.column_stack([np.full(len(k.time), i), k.time]) for i, k in enumerate(before)])
-    drawn, remaining, at, out = drawn_maps(before), drawn_maps(after), worst(after), {}
+    drawn, out = drawn_maps(before), {}
+    remaining, at = drawn_maps(after, over=before), worst(after, over=before)
     for axis, (edges, grid) in drawn.items():
         moment = np.where(at[axis][..., None] < 0, np.nan, when[at[axis]])
         out[axis] = Field(edges, grid, remaining[axis][1], moment)
