@@ -163,6 +163,24 @@ def recorded(
     )  # fmt: skip
 
 
+def swings(world: World, count: int, seconds: float, sensor: str = "joint") -> list[Recording]:
+    """Record the pendulum in a world, under position control, on swings each faster than the one before.
+
+    Args:
+        world: what is recorded.
+        count: number of recordings.
+        seconds: length of each, s.
+        sensor: of torque.
+    """
+    robot, out = pendulum(), []
+    t = np.arange(round(200 * seconds)) * 5e-3
+    for i in range(count):
+        q = 0.4 * (1 - np.cos(2 * np.pi * (0.7 + 0.25 * i) * t))[:, None]
+        s = drive(robot, "position", q[0], command=q, seconds=seconds, rate=200.0, kp=60.0, kd=4.0)
+        out.append(recorded(robot, robot.source, world, s, stream(3, i), sensor=sensor))
+    return out
+
+
 def _rested(s: Segment, rest: int) -> Segment:
     def held(values: np.ndarray, still: bool = False) -> np.ndarray:
         return np.concatenate([np.repeat(values[:1] * (not still), rest, axis=0), values])

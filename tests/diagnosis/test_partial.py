@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from loops import drive, hinge, pendulum, recorded
+from loops import drive, hinge, pendulum, recorded, swings
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
@@ -22,15 +22,9 @@ from vispeg.worlds.world import World
 @pytest.fixture(scope="module")
 def recordings():
     """A pendulum with dry friction whose angle also trembles at 7 Hz, which no effect of the library does."""
-    robot, out = pendulum(), []
-    for i in range(3):
-        t = np.arange(900) * 5e-3
-        q = 0.4 * (1 - np.cos(2 * np.pi * (0.7 + 0.25 * i) * t))[:, None]
-        s = drive(robot, "position", q[0], command=q, seconds=4.5, rate=200.0, kp=60.0, kd=4.0)
-        rec = recorded(robot, robot.source, hinge("coulomb_friction", torque=0.8), s, stream(3, i))
-        tremble = 1e-3 * np.sin(2 * np.pi * 7.0 * rec.time + i)[:, None]
-        out.append(replace(rec, q=rec.q + tremble))
-    return out
+    out = swings(hinge("coulomb_friction", torque=0.8), 3, 4.5)
+    trembles = (1e-3 * np.sin(2 * np.pi * 7.0 * rec.time + i)[:, None] for i, rec in enumerate(out))
+    return [replace(rec, q=rec.q + tremble) for rec, tremble in zip(out, trembles, strict=True)]
 
 
 @pytest.mark.slow
@@ -56,13 +50,9 @@ def test_partial_truth_is_written_and_the_next_diagnosis_begins_with_it(recordin
 
 def test_intervals_count_all_that_the_fitted_effects_leave_though_the_model_had_them_already():
     """Torques of a pendulum with dry friction that also trembles at 5 Hz, which no effect of the library does."""
-    robot, out = pendulum(), []
-    for i in range(2):
-        t = np.arange(800) * 5e-3
-        q = 0.4 * (1 - np.cos(2 * np.pi * (0.7 + 0.25 * i) * t))[:, None]
-        s = drive(robot, "position", q[0], command=q, seconds=4.0, rate=200.0, kp=60.0, kd=4.0)
-        rec = recorded(robot, robot.source, hinge("coulomb_friction", torque=0.8), s, stream(3, i), sensor="motor")
-        tremble = 0.5 * np.sin(2 * np.pi * 5.0 * t + i)[:, None]
+    out = []
+    for i, rec in enumerate(swings(hinge("coulomb_friction", torque=0.8), 2, 4.0, sensor="motor")):
+        tremble = 0.5 * np.sin(2 * np.pi * 5.0 * np.arange(800) * 5e-3 + i)[:, None]
         out.append(replace(rec, control=Control("unknown", 200.0), q_cmd=None, tau=rec.tau + tremble))
     found = diagnose(World(out[0].robot), out[:1], out[1:], nthread=1, plan_next=False)
     assert found.world.effects[0].partial

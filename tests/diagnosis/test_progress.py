@@ -4,11 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from loops import drive, hinge, pendulum, recorded
+from loops import hinge, swings
 from typed_record import mistakes
 
 from vispeg.core.errors import UserError
-from vispeg.core.seeds import stream
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.run import diagnose
 from vispeg.diagnosis.schema import DiagnosisRecord
@@ -22,13 +21,7 @@ class Killed(Exception):
 @pytest.fixture(scope="module")
 def recordings():
     """A pendulum with dry friction on three swings."""
-    robot, out = pendulum(), []
-    for i in range(3):
-        t = np.arange(900) * 5e-3
-        q = 0.4 * (1 - np.cos(2 * np.pi * (0.7 + 0.25 * i) * t))[:, None]
-        s = drive(robot, "position", q[0], command=q, seconds=4.5, rate=200.0, kp=60.0, kd=4.0)
-        out.append(recorded(robot, robot.source, hinge("coulomb_friction", torque=0.8), s, stream(3, i)))
-    return out
+    return swings(hinge("coulomb_friction", torque=0.8), 3, 4.5)
 
 
 def run(recordings, progress=None):

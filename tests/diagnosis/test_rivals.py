@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 from fits import evidence, fit, judge, lost
-from loops import drive, hinge, pendulum, recorded
+from loops import hinge, swings
 
 from vispeg.core.effect import EffectInstance
-from vispeg.core.seeds import stream
 from vispeg.diagnosis.conclusion.rivals import _compare, _put_in, _tried, grown_from
 from vispeg.diagnosis.findings import Gain, Score, Trial
 from vispeg.diagnosis.record import candidates
@@ -118,12 +117,7 @@ def test_what_cannot_be_told_from_an_effect_is_recorded_as_such():
 
 def test_a_rival_in_the_place_of_an_effect_removed_what_both_removed_and_leaves_nothing_superfluous():
     """Dry friction takes the place of viscous friction, beside which a bias stood."""
-    robot, out = pendulum(), []
-    for i in range(2):
-        t = np.arange(400) * 5e-3
-        q = 0.4 * (1 - np.cos(2 * np.pi * (0.7 + 0.25 * i) * t))[:, None]
-        s = drive(robot, "position", q[0], command=q, seconds=2.0, rate=200.0, kp=60.0, kd=4.0)
-        out.append(recorded(robot, robot.source, hinge("coulomb_friction", torque=0.8), s, stream(3, i)))
+    out = swings(hinge("coulomb_friction", torque=0.8), 2, 2.0)
     search = Search(Evidence(out[:1]), Judge(Evidence(out[1:])))
     viscous, bias, dry = (
         EffectInstance.of(name, "hinge", **values)
