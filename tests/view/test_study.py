@@ -79,6 +79,7 @@ def test_the_search_by_itself_ends_with_the_model_of_the_command(rigs, tmp_path)
 DRY = EffectInstance.of("coulomb_friction", "hinge", torque=0.5)
 VISCOUS = EffectInstance.of("viscous_friction", "hinge", damping=0.5)
 SPRING = EffectInstance.of("cable_spring", "hinge", stiffness=2.0, reference=0.2)
+LIMIT = 2.3  # N m
 NO_MORE = {"later": 1e9}  # of what the given effects removed: no effect is added
 
 
@@ -120,6 +121,26 @@ def test_every_move_of_the_command_is_a_step_of_the_page(hidden, given, rules, m
     assert made.state.world.label == command.world.label and made.state.world.values == command.world.values
     tried = [value for at, value in heard if at == "tried" and " in place of " in value.words]
     assert len(tried) == 2 * sum("exchanged" in words for words in moves) and not any(t.refused for t in tried)
+
+
+def test_recordings_change_their_roles_as_in_the_command(tmp_path):
+    """The drive saturates in the first two: the held-out one shows nothing of it, so one of the two judges."""
+    robot, heard = pendulum(), Heard()
+    for i, size in enumerate((0.4, 0.35, 0.02)):
+        swing = size * (1 - np.cos(2 * np.pi * (0.9 + 0.1 * i) * np.arange(600) * 5e-3))
+        s = drive(robot, "position", 0.0, command=swing[:, None], seconds=3.0, rate=200.0, kp=60.0, kd=4.0)
+        world = World().add(EffectInstance.of("torque_limit", "hinge", limit=LIMIT))
+        write(recorded(robot, robot.source, world, s, stream(5, i)), tmp_path / f"rig-{'abc'[i]}")
+    made = study(tmp_path, tmp_path / "out", heard=heard, model=robot.source)
+    assert any("judges" in text for at, text in heard if at == "say")
+    made.show()
+    assert [track.name for track in heard.last("standing").tracks] == ["rig-a"]
+    made.run()
+    sides = [tmp_path / "rig-a", tmp_path / "rig-b"], tmp_path / "rig-c"
+    command = diagnose(str(robot.source), *sides, threads=1, part=made.part)
+    assert command.record["recordings"] == {"fit": ["rig-b", "rig-c"], "validate": ["rig-a"]}
+    assert made.rungs[0].error == pytest.approx(command.record["ladder"][0]["heldout_error"], rel=1e-9)
+    assert made.state.world.label == command.world.label and made.state.world.values == command.world.values
 
 
 @pytest.mark.slow

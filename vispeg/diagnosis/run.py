@@ -19,7 +19,7 @@ from vispeg.diagnosis.evidence.base_parameters import base_parameters
 from vispeg.diagnosis.evidence.localise import maps, missing_torque, peaks, where_it_fails
 from vispeg.diagnosis.evidence.motionless import refuse_motionless
 from vispeg.diagnosis.evidence.remainder import dependences, sizes
-from vispeg.diagnosis.evidence.roles import recast
+from vispeg.diagnosis.evidence.roles import sides
 from vispeg.diagnosis.findings import Verdict
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.proposal import placed, propose
@@ -40,9 +40,8 @@ from vispeg.diagnosis.selection.names import never_named, tentative
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.traces import arrays, traces
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.inverse import TorqueEvidence, evidence_for
+from vispeg.identify.inverse import TorqueEvidence
 from vispeg.identify.loops.noise_motion import noise_motion
-from vispeg.identify.loops.soft import without_drift
 from vispeg.recordings.checks import missing
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import records
@@ -80,23 +79,17 @@ def diagnose(
         UserError: recordings that cannot be compared with the world, or in which nothing moves.
     """
     still = refuse_motionless(fitted, held_out)
-    evidence, judged = _both(fitted, held_out, nthread)
-    evidence, judged = without_drift(evidence, world), without_drift(judged, world)
-    roles = recast(world, evidence, judged)
+    parts = sides(world, fitted, held_out, nthread)
+    fitted, held_out, evidence, judged, roles = parts.fitted, parts.held_out, parts.evidence, parts.judged, parts.roles
     if roles is not None:
         say(roles.note)
         still += [roles.note, *roles.converted]
-        if roles.held_out is not judged.recordings:
-            fitted, held_out = roles.fitted, roles.held_out
-            evidence, judged = _both(fitted, held_out, nthread)
-            # answers that were fitted to what judges now are not to be had again
-            progress = (progress or Progress()).part("fitted " + ", ".join(r.name for r in fitted))
     say("asking the torques what is missing")
     proposal = propose(world, fitted, held_out)
     if proposal is not None:
         likely(proposal.record)
     judge = Judge(judged)
-    search = Search(evidence, judge, say, progress, lambda: placed(proposal))
+    search = Search(evidence, judge, say, parts.part(progress or Progress()), lambda: placed(proposal))
     begin = of_joints(world, [*fitted, *held_out], evidence.unit)
     world, n_given, n_fixed = begin.world, begin.n_given, begin.n_fixed
     rung = (begin.label, begin.first) if begin.read else None
@@ -195,11 +188,6 @@ def diagnose(
         ],
     }
     return Diagnosis(record, final, drawing | more)
-
-
-def _both(fitted: Sequence[Recording], held_out: Sequence[Recording], nthread: int) -> tuple[Evidence, Evidence]:
-    """Return the evidence of the fitted and of the held-out recordings, compared in the same way."""
-    return evidence_for(fitted, nthread, beside=held_out), evidence_for(held_out, nthread, beside=fitted)
 
 
 def _mean_square(judged: Evidence, residuals: list[np.ndarray]) -> float:

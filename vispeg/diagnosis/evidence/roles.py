@@ -7,14 +7,17 @@ halves of it, the first half is fitted and the second is held out.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vispeg.core.rules import RULES
+from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.scale import floors
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
+from vispeg.identify.loops.soft import without_drift
 from vispeg.recordings.differentiate import spanned
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
@@ -39,6 +42,43 @@ class Roles:
         """Return these roles if only one recording shows what a model lacks, and `world` still lacks it."""
         errors = zip(evidence.recordings, shown(evidence, world), strict=True)
         return self if any(r.name == self.alone and error > RULES.loud for r, error in errors) else None
+
+
+@dataclass(frozen=True)
+class Sides:
+    """The two sides of a diagnosis: what is fitted to, and what judges.
+
+    Attributes:
+        fitted, held_out: the recordings.
+        evidence, judged: the evidence of each.
+        roles: set if no requested held-out recording shows what the model lacks (`recast`).
+    """
+
+    fitted: Sequence[Recording]
+    held_out: Sequence[Recording]
+    evidence: Evidence
+    judged: Evidence
+    roles: Roles | None
+
+    def part(self, progress: Progress) -> Progress:
+        """Return the progress of these sides: answers fitted to what judges now are not to be had again."""
+        if self.roles is None or self.held_out is not self.roles.held_out:
+            return progress
+        return progress.part("fitted " + ", ".join(r.name for r in self.fitted))
+
+
+def sides(world: World, fitted: Sequence[Recording], held_out: Sequence[Recording], nthread: int) -> Sides:
+    """Return the sides of a diagnosis of `world` with these recordings, in other roles where that is needed."""
+    evidence, judged = (without_drift(e, world) for e in _both(fitted, held_out, nthread))
+    roles = recast(world, evidence, judged)
+    if roles is None or roles.held_out is judged.recordings:
+        return Sides(fitted, held_out, evidence, judged, roles)
+    return Sides(roles.fitted, roles.held_out, *_both(roles.fitted, roles.held_out, nthread), roles)
+
+
+def _both(fitted: Sequence[Recording], held_out: Sequence[Recording], nthread: int) -> tuple[Evidence, Evidence]:
+    """Return the evidence of the fitted and of the held-out recordings, compared in the same way."""
+    return evidence_for(fitted, nthread, beside=held_out), evidence_for(held_out, nthread, beside=fitted)
 
 
 def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:

@@ -6,6 +6,7 @@ from functools import cache
 
 from vispeg.api.inputs import Inputs
 from vispeg.diagnosis.beginning import Beginning, of_joints
+from vispeg.diagnosis.evidence.roles import sides
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.proposal import placed, propose
 from vispeg.diagnosis.selection.judge import Judge
@@ -32,15 +33,17 @@ class Joints(Plain):
     shows = "Torque that the model lacks"
 
     def __init__(self, inputs: Inputs, threads: int, say: Say, progress: Progress | None):
-        self.recordings = (*inputs.fitted, *inputs.held_out)
-        judging = inputs.fitted if progress is None else inputs.held_out
-        self.judged = without_drift(evidence_for(judging, threads, beside=self.recordings), inputs.world)
-        self.search = None
-        if progress is not None:
-            evidence = without_drift(evidence_for(inputs.fitted, threads, beside=self.recordings), inputs.world)
-            # as the command does; worked out at the first step, once
-            proposed = cache(lambda: placed(propose(inputs.world, inputs.fitted, inputs.held_out)))
-            self.search = Search(evidence, Judge(self.judged), say, progress, proposed)
+        self.recordings, self.search = (*inputs.fitted, *inputs.held_out), None
+        if progress is None:
+            self.judged = without_drift(evidence_for(inputs.fitted, threads, beside=self.recordings), inputs.world)
+        else:  # as the command does
+            parts = sides(inputs.world, inputs.fitted, inputs.held_out, threads)
+            if parts.roles is not None:
+                say(parts.roles.note)
+            self.recordings, self.judged = (*parts.fitted, *parts.held_out), parts.judged
+            # worked out at the first step, once
+            proposed = cache(lambda: placed(propose(inputs.world, parts.fitted, parts.held_out)))
+            self.search = Search(parts.evidence, Judge(parts.judged), say, parts.part(progress), proposed)
         self.unit, self.columns = self.judged.unit, self.joints
         self.units = (self.unit,) * len(self.columns)
 
