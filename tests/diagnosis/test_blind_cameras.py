@@ -105,7 +105,7 @@ def test_joints_are_diagnosed_where_pictures_show_nothing_and_a_note_says_so(tmp
     model = str(tmp_path / "pendulum.xml")
     hidden = "coulomb_friction:swing:torque=0.8"
     for k, name in enumerate("ab"):
-        made = vispeg.record(model, "fourier", cameras=["up"], effects=hidden, rate_hz=200.0, seed=k)
+        made = vispeg.record(model, "fourier", cameras=["up"], effects=hidden, rate_hz=200.0, duration=3.0, seed=k)
         made.save(tmp_path / name)
     found = vispeg.diagnose(model, tmp_path / "a", tmp_path / "b")
     assert [e.effect for e in found.effects] == ["coulomb_friction"]
