@@ -50,7 +50,7 @@ def test_samples_that_a_force_sensor_lost_are_left_out(axes):
 
 
 def test_a_fit_tells_what_is_there_from_what_is_not(tmp_path):
-    recordings = [recorded((FRICTION,)), recorded((FRICTION,), turned=True)]
+    recordings = [recorded((FRICTION,)), *(recorded((FRICTION,), seed, turned=True) for seed in (0, 2))]
     held_out = [recorded((FRICTION,), seed=1)]
     found = fit("peg-cell", recordings, ["contact_friction:peg", "wrench_gain:flange"], held_out)
     values = {e.effect: [*e.params.values()][0] for e in found.effects}
