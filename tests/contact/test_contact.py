@@ -135,7 +135,11 @@ def test_frames_and_signs_of_the_sensor_are_undone():
     np.testing.assert_allclose(touching(other).wrench, rec.ft, atol=1e-12)
 
 
-@pytest.mark.parametrize("hidden", [FIXTURE, FRICTION, SLIPPERY], ids=("compliant", "rough", "slippery"))
+@pytest.mark.parametrize(
+    "hidden",
+    [FIXTURE, FRICTION, pytest.param(SLIPPERY, marks=pytest.mark.slow)],
+    ids=("compliant", "rough", "slippery"),
+)
 def test_a_fit_finds_what_is_hidden_inside_its_interval(hidden):
     """As a search fits it: from the best size of its profile, without the parameters that gain nothing there."""
     evidence = evidence_of([recorded((hidden,)), recorded((hidden,), 1, True)])

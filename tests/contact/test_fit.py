@@ -30,7 +30,7 @@ def lost(rec, rows, axes=slice(None)):
     return replace(rec, ft=ft, wrench=WrenchSensor())
 
 
-@pytest.mark.parametrize("axes", [slice(None), 2], ids=["all axes", "one axis"])
+@pytest.mark.parametrize("axes", [pytest.param(slice(None), marks=pytest.mark.slow), 2], ids=["all axes", "one axis"])
 def test_samples_that_a_force_sensor_lost_are_left_out(axes):
     """One in seven, and 0.2 s of a press in a row: errors stay what they were, and the gap's blocks do not count."""
     rec = recorded((FRICTION,))

@@ -34,7 +34,12 @@ def success(model, mode):
 
 @pytest.mark.parametrize(
     ("mode", "changes", "steps"),
-    [("state", {}, 480), ("depth", {}, 480), ("state", {"recurrent": 16}, 480), ("depth", {"symmetric": True}, 640)],
+    [
+        ("state", {}, 480),
+        ("depth", {}, 480),
+        pytest.param("state", {"recurrent": 16}, 480, marks=pytest.mark.slow),
+        pytest.param("depth", {"symmetric": True}, 640, marks=pytest.mark.slow),
+    ],
 )
 def test_learns_to_reach(mode, changes, steps):
     model = learner(mode, utd=1.0, lr=1e-3, **changes)

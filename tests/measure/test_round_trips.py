@@ -51,7 +51,7 @@ def recorded(folder, effects, joint, sizes=(0.1, 0.04), hold=0.7, **how):
     return paths
 
 
-@pytest.mark.parametrize("torque", [0.0, 0.3, 1.5])
+@pytest.mark.parametrize("torque", [0.3, *(pytest.param(t, marks=pytest.mark.slow) for t in (0.0, 1.5))])
 def test_a_servo_survives_the_round_trip(torque, tmp_path):
     """Beside no dry friction, a little and much: numbers, intervals, and the replay, whose error is noise."""
     truth = ["servo:joint1:natural_frequency=25,damping_ratio=0.7"]

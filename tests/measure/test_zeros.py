@@ -46,7 +46,7 @@ def test_the_product_of_exponentials_is_the_models_kinematics():
     np.testing.assert_allclose(ARM.poses(q), from_quaternion(pose[:, :3], pose[:, 3:]), atol=1e-12)
 
 
-@pytest.mark.parametrize("turned", [True, False], ids=["poses", "positions"])
+@pytest.mark.parametrize("turned", [pytest.param(True, marks=pytest.mark.slow), False], ids=["poses", "positions"])
 @pytest.mark.parametrize("known", ["", *(pytest.param(frame, marks=pytest.mark.slow) for frame in ("base", "tool"))])
 def test_intervals_hold_zeros_and_frames_as_often_as_they_say(turned, known):
     """95 % of a hundred draws, of each offset that can be told, and of both frames for zeros that are left at 0."""

@@ -48,11 +48,12 @@ def number(page) -> float:
     return float(value) * {"m": 1e-3, "µ": 1e-6}.get(unit[0] if len(unit) > 1 else "", 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("recordings", "effect", "size", "falls"),
     [
         ("touched", "Fixture compliance at fixture", r"z [234]\d\.\d µm/N", 1.8),
-        pytest.param(*("looked", "Camera pose error at wrist_wide", r"x [56]\.\d+ mm", 10.0), marks=pytest.mark.slow),
+        ("looked", "Camera pose error at wrist_wide", r"x [56]\.\d+ mm", 10.0),
     ],
 )
 def test_contact_and_cameras_are_diagnosed_by_a_click(
