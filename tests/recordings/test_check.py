@@ -6,6 +6,7 @@ import json
 import warnings
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 from made import recording
@@ -311,6 +312,27 @@ def test_a_joint_that_the_robot_does_not_have(tmp_path):
     folder = write(moving(joints=("joint1", "joint9")), tmp_path / "rig")
     with pytest.raises(UserError, match="joint9.*choices: joint1"):
         typed("check", folder)
+
+
+def test_what_a_motion_needs_is_mujoco_s_inverse_dynamics_in_the_order_of_the_log(monkeypatch):
+    """In blocks, of which the last is shorter."""
+    rec = moving(50, joints=("joint3", "joint1", "joint2"))
+    robot = load_for(rec.joints, rec.robot)
+    monkeypatch.setattr("vispeg.sim.units.ARMS", 20)
+    motion = np.random.default_rng(0).normal(size=(3, 50, 3))
+    model = robot.compile()
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SPRING | mujoco.mjtDisableBit.mjDSBL_DAMPER
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data, expected = mujoco.MjData(model), []
+    for state in np.swapaxes(motion, 0, 1):
+        for joint, (q, dq, ddq) in zip(rec.joints, state.T, strict=True):
+            one = data.joint(joint)
+            one.qpos, one.qvel, one.qacc = q, dq, ddq
+        mujoco.mj_inverse(model, data)
+        expected.append([data.joint(joint).qfrc_inverse[0] for joint in rec.joints])
+    needs = needs_of(robot, rec)
+    for _ in range(2):
+        np.testing.assert_allclose(needs(*motion), expected, rtol=1e-9, atol=1e-9)
 
 
 def test_check_doubts_what_a_comparison_doubts_where_the_log_lacks_joints(tmp_path):

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from copy import copy
+from functools import lru_cache
 
-import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
@@ -13,8 +12,7 @@ from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.importers.plausible import Needs, doubts
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel, load_for
-from vispeg.sim.compiled import compiled
-from vispeg.sim.nominal import UNUSED
+from vispeg.sim.compiled import ARMS, nominal_of
 
 
 def needs_of(robot: RobotModel, rec: Recording) -> Needs | None:
@@ -25,18 +23,15 @@ def needs_of(robot: RobotModel, rec: Recording) -> Needs | None:
     if set(rec.joints) != set(robot.joints):
         return None
 
-    model = copy(compiled(robot))
-    model.opt.disableflags |= UNUSED
-    data = mujoco.MjData(model)
-    places = [model.joint(joint).qposadr[0] for joint in rec.joints]
-    dofs = [model.joint(joint).dofadr[0] for joint in rec.joints]
+    order = [robot.joints.index(joint) for joint in rec.joints]
+    arms = lru_cache(maxsize=2)(lambda n: nominal_of(robot, n))  # whole blocks, and the rest
 
     def needs(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-        out = np.empty_like(q)
-        for k in range(len(q)):
-            data.qpos[places], data.qvel[dofs], data.qacc[dofs] = q[k], dq[k], ddq[k]
-            mujoco.mj_inverse(model, data)
-            out[k] = data.qfrc_inverse[dofs]
+        motion, out = np.empty((3, *q.shape)), np.empty_like(q)
+        motion[..., order] = q, dq, ddq
+        for start in range(0, len(q), ARMS):
+            block = motion[:, start : start + ARMS]
+            out[start : start + ARMS] = arms(block.shape[1]).torque(*block)[:, order]
         return out
 
     return needs
