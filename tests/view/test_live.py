@@ -166,7 +166,7 @@ def test_a_file_that_is_no_state_is_one_line(tmp_path, text):
     assert STATE in str(said.value) and "\n" not in str(said.value)
 
 
-@pytest.mark.parametrize("width", [1200, 420])
+@pytest.mark.parametrize("width", [pytest.param(1200, marks=pytest.mark.slow), 420])
 def test_the_page_follows_a_run_and_its_button_stops_it(tmp_path, page_of, served, width):
     pytest.importorskip("viser")
     place = tmp_path / "<b>trials"

@@ -220,6 +220,7 @@ def test_a_killed_one_goes_on_where_it_stood(rigs, by_hand):
     assert again.part == made.part and again.state.world == made.state.world and again.rungs == made.rungs
 
 
+@pytest.mark.slow
 def test_a_search_that_ended_and_was_killed_has_its_last_values(rigs, tmp_path):
     """And its steps can still be taken back."""
     made = study(rigs, tmp_path)

@@ -27,7 +27,7 @@ def test_each_window_has_its_system_s_colours_until_somebody_chooses(rigs, page_
     light.wait_for_function(f"{SCHEME} === 'light'")
 
 
-@pytest.mark.parametrize(("scheme", "width"), [("light", 1440), ("dark", 400)])
+@pytest.mark.parametrize(("scheme", "width"), [pytest.param("light", 1440, marks=pytest.mark.slow), ("dark", 400)])
 def test_no_page_has_a_serious_finding_of_axe_or_lacks_a_panel(rigs, page_of, served, scheme, width):
     app = served(rigs / "arm.xml")
     page = page_of(app, width, 800, color_scheme=scheme)
