@@ -163,6 +163,12 @@ def test_the_robots_time_is_the_policys(robot):
     assert outcome.success and outcome.category == "success"
 
 
+def test_a_robot_that_judges_the_task_ends_the_episode_and_not_the_height_above_a_mistaken_goal(robot):
+    high = np.array(meaning(robot.robot).goal.nominal_m) + [0.0, 0.0, 0.004]
+    outcome = ran(robot, How(goal=tuple(high))).said.outcome
+    assert outcome.success and outcome.by == "robot" and outcome.depth_m >= 0.02
+
+
 def test_a_trial_states_the_belief_that_the_policy_was_told(robot):
     told = tuple(np.array(meaning(robot.robot).goal.nominal_m) + [0.01, 0.0, 0.0])
     trial = ran(robot, How(goal=told), steps=2)

@@ -26,6 +26,8 @@ class Reading:
         q, dq: (nj,) rad, rad/s.
         wrench: (6,) N and N m, in the convention of `Connected.wrench`; None if the robot measures none.
         pictures: camera name -> picture, for the requested cameras.
+        ended: whether the robot knows that the episode has ended, of which `stop` then tells; None for a robot that
+            does not judge the task, where the measured place of the tip decides.
     """
 
     time: float
@@ -33,6 +35,7 @@ class Reading:
     dq: np.ndarray
     wrench: np.ndarray | None
     pictures: Mapping[str, Picture] = field(default_factory=dict)
+    ended: bool | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -235,7 +235,10 @@ class _Loop:
         self.why: str | None = None
 
     def run(self, beat: Callable[[], None]) -> str | None:
-        """Run the episode; return the limit that ended it, `success` at the goal, or None for a timeout."""
+        """Run the episode; return the limit that ended it, `success` at the measured goal, or None.
+
+        None stands for a timeout, or for an end that the robot itself knows of.
+        """
         i, period = self.interface, self.interface.controller.period_s
         self.policy.reset(1)
         rest = round(self.how.rest / period)
@@ -279,9 +282,9 @@ class _Loop:
                 return limit
             if acts:
                 tip = seen.tip()[0] - seen.believed[0]
-                if tip[2] <= i.goal.reached_m[2]:
+                if reading.ended is None and tip[2] <= i.goal.reached_m[2]:
                     return "success"
-                if steps >= self.count:
+                if steps >= self.count or (steps and reading.ended):
                     return None
                 if (limit := self._act(obs, reading, due, steps, tip, force)) is not None:
                     return limit

@@ -146,7 +146,8 @@ def serve(robot: SimulatedRobot, link: socket.socket, latency: float) -> None:
                     due = begun + period
                 elif message["call"] == "read":
                     at, values = past[0]
-                    send(link, {"time": offset + at}, {**values, **robot.pictures(message["cameras"])})
+                    told = {"time": offset + at, "ended": robot.ended is not None}
+                    send(link, told, {**values, **robot.pictures(message["cameras"])})
                 elif message["call"] == "command":
                     coming.append((robot.time + latency, arrays["pose"]))
                 elif message["call"] == "stop":
