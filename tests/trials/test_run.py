@@ -169,6 +169,39 @@ def test_a_robot_that_judges_the_task_ends_the_episode_and_not_the_height_above_
     assert outcome.success and outcome.by == "robot" and outcome.depth_m >= 0.02
 
 
+@pytest.mark.parametrize(
+    ("told", "stated", "success"), [(True, None, False), (False, None, True), (False, (0.0, 0.0, 0.0), False)]
+)
+def test_a_tip_as_deep_beside_a_goal_whose_place_is_stated_is_no_success(robot, told, stated, success):
+    """By measured place alone, of a robot that does not judge the task."""
+
+    class Blind(Lockstep):
+        def read(self, cameras=()):
+            return replace(super().read(cameras), ended=None)
+
+        def stop(self):
+            super().stop()
+
+    class Down:
+        def reset(self, n, rows=None): ...
+
+        def act(self, obs):
+            return np.array([[0.0, 0.0, -1.0]])
+
+    blind, known = Blind.__new__(Blind), meaning(robot.robot).goal
+    blind.__dict__.update(robot.__dict__)
+    high = tuple(np.add(known.nominal_m, [0.05, 0.0, 0.025]))  # the tip gets below its depth, 5 cm aside
+    goal = known.model_copy(update={"nominal_m": high, "told": told})
+    how = How(Limits(force=1000.0), goal=None if stated is None else high)
+
+    def told_high(interface, seed):
+        return replace(Lockstep.connect(blind, interface, seed), start={"believed_m": high})
+
+    blind.connect = told_high
+    outcome = ran(blind, how, Down(), goal=goal, steps=8).said.outcome
+    assert (outcome.success, outcome.by) == (success, "measured")
+
+
 def test_a_trial_states_the_belief_that_the_policy_was_told(robot):
     told = tuple(np.array(meaning(robot.robot).goal.nominal_m) + [0.01, 0.0, 0.0])
     trial = ran(robot, How(goal=told), steps=2)

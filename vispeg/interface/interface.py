@@ -133,12 +133,14 @@ class Goal(_Part):
         nominal_m: nominal position of the goal in the base.
         told: whether the policy is told where the goal is believed to be; otherwise it is told the nominal position.
         reached_m: position of the tip in the goal's frame that the task asks for.
+        within_m: greatest distance of the tip from the goal's axis at which it counts as there; None if not stated.
         cell: settings of the believed cell, as in a recording.
     """
 
     nominal_m: Vec3
     told: bool
     reached_m: Vec3
+    within_m: Positive | None = None
     cell: dict[str, Any] = {}
 
 

@@ -107,6 +107,13 @@ class Task(ABC):
     def goal(self, config: Any) -> np.ndarray:
         """Return the tip's position that rewards aim at, (3,) m in the goal's frame."""
 
+    def within(self, config: Any) -> float | None:
+        """Return the greatest distance of the tip from the goal's axis at which it counts as there, m.
+
+        A trial on a robot that does not judge the task is a success only within it; by default None, at any distance.
+        """
+        return None
+
     @abstractmethod
     def track(self) -> Track:
         """Return a new Track, which classifies how one episode ends."""

@@ -104,6 +104,7 @@ def interface_of(
             nominal_m=tuple(map(float, scene.target)),
             told=obs_mode in GOAL_TOLD,
             reached_m=tuple(np.asarray(offered.goal(config), float).tolist()),
+            within_m=offered.within(config),
             cell=stated_cell(config),
         ),
         controller=Controller(

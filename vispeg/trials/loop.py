@@ -282,7 +282,7 @@ class _Loop:
                 return limit
             if acts:
                 tip = seen.tip()[0] - seen.believed[0]
-                if reading.ended is None and tip[2] <= i.goal.reached_m[2]:
+                if reading.ended is None and self._reached(seen.tip()[0]):
                     return "success"
                 if steps >= self.count or (steps and reading.ended):
                     return None
@@ -305,6 +305,17 @@ class _Loop:
         if self.tape.felt and (reading.wrench is None or np.shape(reading.wrench) != (6,)):
             expected = "six numbers, or Connected(wrench=None) from `connect`"
             raise UserError("no wrench", key="--robot", expected=expected, got=reading.wrench)
+
+    def _reached(self, tip: np.ndarray) -> bool:
+        """Return whether a measured tip (3,), m in the base, is as deep as the task asks for, and not beside the goal.
+
+        A goal whose place nobody stated may be elsewhere, so that the depth below its nominal place alone counts.
+        """
+        goal = self.interface.goal
+        x, y, z = tip - (self.builder.observer.believed[0] if self.how.goal is None else self.how.goal)
+        stated = goal.told or self.how.goal is not None
+        beside = stated and goal.within_m is not None and np.hypot(x, y) > goal.within_m
+        return bool(z <= goal.reached_m[2]) and not beside
 
     def _begin(self, reading: Reading) -> None:
         self.first = reading

@@ -155,6 +155,9 @@ class SnapFit(Task):
     def goal(self, config: SnapConfig) -> np.ndarray:
         return np.array([0.0, 0.0, -(HEIGHT + LIP + NOSE)])
 
+    def within(self, config: SnapConfig) -> float:
+        return WIDTH / 2
+
     def track(self) -> SnapTrack:
         return SnapTrack()
 

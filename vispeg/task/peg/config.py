@@ -50,6 +50,11 @@ class PegConfig(PegGeometry, TaskConfig):
         scene = self.scene()  # raises UserError if the geometry is impossible
         object.__setattr__(self, "clearance_mm", scene.clearance_mm)
 
+    @property
+    def within(self) -> float:
+        """Greatest distance of the tip from the hole's axis at which an insertion succeeds, m."""
+        return self.success_lateral or 0.5 * self.diameter
+
     def scene(self) -> SceneConfig:
         """Return the settings of the task's cell."""
         same = {f.name for f in fields(SceneConfig)} & {f.name for f in fields(self)}

@@ -46,7 +46,7 @@ class PegTrack(Track):
         super().add(config, forces, tip)
         depth, self.tilt, self.slip = self.depths[-1], observed.get("tilt", 0.0), observed.get("slip", 0.0)
         over = self.lateral <= 0.5 * config.diameter
-        close = self.lateral <= (config.success_lateral or 0.5 * config.diameter)
+        close = self.lateral <= config.within
         gentle = forces.max() <= (config.success_force or config.force_abort)
         there = close and gentle and depth >= config.success_depth * config.depth
         self.dwell = self.dwell + 1 if there else 0

@@ -48,6 +48,10 @@ class PegTask(Task):
         """Return the point on the hole's axis at the depth of success, (3,) m in the hole's frame."""
         return np.array([0.0, 0.0, -config.success_depth * config.depth])
 
+    def within(self, config: PegConfig) -> float:
+        """Return `PegConfig.within`."""
+        return config.within
+
     def track(self) -> PegTrack:
         """Return a new PegTrack."""
         return PegTrack()
