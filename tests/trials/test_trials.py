@@ -10,6 +10,7 @@ import yaml
 from lockstep import Lockstep
 from test_run import SEED, ran
 
+from vispeg.api.evaluate import evaluate
 from vispeg.api.learning.finetune import failed_starts
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
@@ -47,6 +48,11 @@ def test_an_evaluation_keeps_its_episodes_and_they_begin_and_end_the_same_again(
         np.testing.assert_allclose(obs["policy"][0], trials[0].steps.seen[k], atol=2e-3, err_msg=f"step {k}")
         obs, _, _, _, info = env.step(action[None])
     assert info["record"][0]["category"] == trials[0].said.outcome.category
+
+
+def test_an_episode_under_a_control_is_no_trial_of_the_policy(tmp_path):
+    evaluate("expert", episodes=1, controls="hole_fixed", trials=tmp_path / "t")
+    assert len(read_measured(tmp_path / "t").episodes) == 1
 
 
 def test_pictures_that_a_policy_saw_are_the_frames_of_its_recording(tmp_path):

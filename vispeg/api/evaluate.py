@@ -76,7 +76,8 @@ def evaluate(
         workers: number of processes.
         engine: where workers run: on this machine, or on a Ray cluster (the one at RAY_ADDRESS, if set).
         out: folder for the results, in which a stopped run continues.
-        trials: keep each played episode as a trial in this folder: joints, wrench, pictures, and the policy's actions.
+        trials: keep each played episode without a control as a trial in this folder: joints, wrench, pictures, and the
+            policy's actions.
         overwrite: replace the result in `out`.
         playing: shows progress.
 
@@ -91,7 +92,8 @@ def evaluate(
     with workplace(out, "evaluate.json", overwrite, sources) as place:
         settings = [Setting(str(world), file.name, task=dict(task or {}), control=c) for c in ("", *controls)]
         jobs = make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds", profile=True)
-        jobs = [replace(job, trials=kept) for job in jobs]
+        # under a control it is not the policy as it acts on a robot
+        jobs = [job if job.control else replace(job, trials=kept) for job in jobs]
         ends = play(jobs, place, workers, playing, engine)
         values = gaps.gap(ends, file.name, seed=seed, scripted=[e.name for e in who if e.scripted])
         values["notes"] += [words.conclusion(r) for r in values["success"] if r["needed"]]

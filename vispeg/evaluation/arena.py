@@ -43,7 +43,7 @@ def play(job: Job) -> list[Episode]:
         env = Begun(env, job.replays)
     if job.trials is not None:
         part = PolicyPart(name=who.name, digest=who.digest, modality=who.modality, train_seed=who.train_seed)
-        stem = "-".join(filter(None, (f"{who.name}_s{who.train_seed}", job.world_name, job.control)))
+        stem = f"{who.name}_s{who.train_seed}-{job.world_name}"
         env = Kept(env, vec, part, job.trials, stem, job.seeds, job.world_name, job.world_hash)
     return [episode(job, outcome) for outcome in run_episodes(policy, env, list(job.seeds))]
 
