@@ -93,6 +93,30 @@ def test_an_object_a_function_and_a_module_play_what_the_policy_inside_plays(mod
     assert outcome(wrapped) == outcome(expert) and alone.most == 1 and all(e.success for e in wrapped.episodes)
 
 
+def test_one_that_plays_alone_is_shown_the_images_of_the_episode_before():
+    class Looks:
+        obs_mode, task = "depth", {"image_size": 8, "cameras": ("wrist_wide",)}
+
+        def __init__(self):
+            self.shown = []
+
+        def reset(self, n):
+            self.shown.append([])
+
+        def act(self, obs):
+            self.shown[-1].append(obs["depth_wrist_wide"][0])
+            return np.zeros(3)
+
+    looks, same = Looks(), {"episodes": 2, "task": {"steps": 3}}
+    assert [e.seed for e in vispeg.evaluate(looks, "unknown_hole", controls="shuffled", **same).episodes][
+        2:
+    ] == seeds_of(2)
+    plain, shuffled = looks.shown[:2], [some for some in looks.shown[2:] if some]
+    assert len(shuffled) == 3, "one more than count, which comes first"
+    np.testing.assert_array_equal(shuffled[2], plain[0])
+    assert not np.array_equal(shuffled[1], plain[0]) and not np.array_equal(shuffled[1], plain[1])
+
+
 def test_a_gap_and_a_command_take_them_too(module, tmp_path, capsys, monkeypatch):
     """And an evaluation of a module's policy goes on where it stopped."""
     import own_policy_of_test as own

@@ -279,6 +279,10 @@ def test_shuffled_gives_everybody_anothers_image_and_touches_nothing_else():
     assert obs["depth_a"][:, 0, 0, 0].tolist() == [1, 2, 3, 4]
     with pytest.raises(UserError, match="two or more rows"):
         c.act(look([1.0]))
+    alone = Controlled(Seer(), "shuffled", spare=True)
+    for number, shown in ((0, [1, 2, 3]), (10, [1, 2]), (20, [11, 12, 12])):
+        alone.reset(1)
+        assert [alone.act(look([number + k + 1.0]))[0, 0] for k in range(len(shown))] == shown
     with pytest.raises(UserError, match="did you mean 'frozen'"):
         Controlled(Seer(), "frosen")
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vispeg.evaluation.controls import ON_IMAGES, Controlled
+from vispeg.evaluation.controls import ON_IMAGES, SHUFFLED, Controlled
 from vispeg.evaluation.jobs import Job, Pushes
 from vispeg.evaluation.players import player
 from vispeg.evaluation.records import Episode
@@ -28,13 +28,15 @@ def play(job: Job) -> list[Episode]:
     Raises:
         UserError: a policy made for another observation, or an invalid world.
     """
-    from vispeg.learn.evaluation import run_episodes
+    from vispeg.learn.evaluation import SPARE, run_episodes
 
     env: Any = environment(job)
     vec, who = env, job.entrant
     policy: Any = player(who, env.config)
+    spare: list[int] = []  # seeds of episodes that do not count
     if job.control in ON_IMAGES:
-        policy = Controlled(policy, job.control)
+        policy = Controlled(policy, job.control, spare=True)
+        spare = [job.seeds[0] + SPARE] if job.control == SHUFFLED and env.num_envs == 1 else []
     if job.pushes is not None:
         env = Pushed(env, job.pushes)
     if job.remainder is not None:
@@ -45,7 +47,7 @@ def play(job: Job) -> list[Episode]:
         part = PolicyPart(name=who.name, digest=who.digest, modality=who.modality, train_seed=who.train_seed)
         stem = f"{who.name}_s{who.train_seed}-{job.world_name}"
         env = Kept(env, vec, part, job.trials, stem, job.seeds, job.world_name, job.world_hash)
-    return [episode(job, outcome) for outcome in run_episodes(policy, env, list(job.seeds))]
+    return [episode(job, outcome) for outcome in run_episodes(policy, env, [*spare, *job.seeds])[len(spare) :]]
 
 
 def environment(job: Job, render_mode: str | None = None) -> Any:

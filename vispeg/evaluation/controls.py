@@ -21,7 +21,7 @@ from vispeg.evaluation.overlay import Change
 from vispeg.render.image_kinds import kind_of
 from vispeg.robots.scene import Scene
 
-ON_IMAGES = ("shuffled", "frozen")
+SHUFFLED, FROZEN = ON_IMAGES = ("shuffled", "frozen")
 FIXED = "_fixed"  # ending of the name of the control that keeps the goal at its nominal place
 
 
@@ -38,21 +38,26 @@ def at_nominal(scene: Scene) -> Change:
 class Controlled:
     """A policy that is shown other images than the present ones of its episode.
 
+    Shuffled images are those of another row; of a single row those of the episode before, at that step or its last.
+
     Args:
         policy: the policy to control; this object has the same interface.
-        control: `shuffled` or `frozen`.
+        control: SHUFFLED or FROZEN.
+        spare: whether the first episode of a single row does not count, so that it may be shown its own images.
 
     Raises:
-        UserError: another control; in `act`, a single row to shuffle.
+        UserError: another control; in `act`, a single row to shuffle in a first episode that counts.
     """
 
-    def __init__(self, policy: Any, control: str):
+    def __init__(self, policy: Any, control: str, spare: bool = False):
         if control not in ON_IMAGES:
             raise UserError("unknown control", got=control, choices=ON_IMAGES)
-        self.policy, self.control = policy, control
+        self.policy, self.control, self.spare = policy, control, spare
         self.modality, self.meta = policy.modality, policy.meta
         self._kept: dict[str, np.ndarray] = {}
         self._fresh = np.ones(0, dtype=bool)
+        self._before: list[Mapping[str, np.ndarray]] = []  # images of a single row, a step each: the episode before
+        self._now: list[Mapping[str, np.ndarray]] = []  # and this one
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
         """Begin new episodes in all n rows, or only in those where `rows` (n,) is True."""
@@ -60,21 +65,28 @@ class Controlled:
             self._fresh = np.ones(n, dtype=bool)
         else:
             self._fresh |= rows
+        if self._fresh.all():
+            self._before, self._now = self._now, []
         self.policy.reset(n, rows)
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the policy's actions for the observation with the control's images."""
-        inputs = dict(obs)
-        for key in (k for k in obs if kind_of(k) is not None):
-            inputs[key] = self._instead(key, obs[key])
+        images = {key: value for key, value in obs.items() if kind_of(key) is not None}
+        shown = self._another(images) if self.control == SHUFFLED else {k: self._first(k, images[k]) for k in images}
         self._fresh[:] = False
-        return self.policy.act(inputs)
+        return self.policy.act({**obs, **shown})
 
-    def _instead(self, key: str, images: np.ndarray) -> np.ndarray:
-        if self.control == "shuffled":
-            if len(images) < 2:
-                raise UserError("a single episode cannot be shown another's images", expected="two or more rows")
-            return np.roll(images, 1, axis=0)
+    def _another(self, images: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
+        """Return images of other episodes in place of these (n, ...)."""
+        if all(len(each) > 1 for each in images.values()):
+            return {key: np.roll(each, 1, axis=0) for key, each in images.items()}
+        if not self._before and not self.spare:
+            raise UserError("a single episode cannot be shown another's images", expected="two or more rows")
+        self._now.append({key: each.copy() for key, each in images.items()})
+        return (self._before or self._now)[: len(self._now)][-1]
+
+    def _first(self, key: str, images: np.ndarray) -> np.ndarray:
+        """Return the first images of the episodes in place of these (n, ...)."""
         held = self._kept.get(key)
         if held is None or held.shape != images.shape:
             held = self._kept[key] = images.copy()
