@@ -222,6 +222,17 @@ def test_the_scripted_policy_of_records_beside_a_trained_one_was_not_trained(vis
     assert not [note for note in values["notes"] if note.startswith("expert")]
 
 
+def test_the_scripted_policy_of_a_run_is_known_in_its_records_by_any_name(vispeg, tmp_path, played):
+    played(lambda job, seed: True)
+    worlds = ("--worlds", "nominal", "unknown_hole")
+    assert (
+        vispeg("gap", "script=expert", *worlds, "--episodes", "3", "--videos", "0", "--controls", "--out", "g")[0] == 0
+    )
+    assert vispeg("gap", "--records", "g/episodes.jsonl", *worlds, "--out", "again")[0] == 0
+    first, again = (json.loads((tmp_path / out / "gap.json").read_text()) for out in ("g", "again"))
+    assert again["policies"][0]["scripted"] and again["notes"] == first["notes"]
+
+
 def test_records_of_another_world_or_policy_are_refused_before_anything_is_written(vispeg, tmp_path, played):
     from dataclasses import replace
 

@@ -19,7 +19,7 @@ from vispeg.evaluation.jobs import Job, Setting, make_jobs, seeds_of
 from vispeg.evaluation.measured import Trials, read_measured
 from vispeg.evaluation.players import ready
 from vispeg.evaluation.records import read_all
-from vispeg.evaluation.runner import check_stored, take_in
+from vispeg.evaluation.runner import check_stored, made_with, take_in
 from vispeg.report.gap import words
 from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
@@ -147,7 +147,9 @@ def gap(
         ends = {e.key: e for e in [*stored_before, *played]}
         every = [*ends.values(), *trials.episodes]
         targets = [*names, *([robot] if trials.episodes else [])]
-        scripted = {e.name for e in who if e.scripted} | ({EXPERT} - {e.name for e in who})
+        known = {name.rpartition("/")[0]: digest for file in files for name, digest in made_with(file).items()}
+        known |= {e.name: e.digest for e in who}
+        scripted = {name for name, digest in known.items() if digest == EXPERT} | ({EXPERT} - set(known))
         homes = {e.name: {h for r in who if r.name == e.name for h in r.trained_on} for e in who if e.trained_on}
         values = gaps.gap(every, names[0], targets, seed, trials.notes, scripted, homes)
         filmed = out is not None and videos > 0 and bool(jobs)

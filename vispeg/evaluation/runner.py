@@ -195,7 +195,7 @@ def check_stored(jobs: Sequence[Job], stored: Iterable[Episode], files: Iterable
             )
     digests = {f"{j.entrant.name}/s{j.entrant.train_seed}": j.entrant.digest for j in jobs}
     for file in files:
-        for name, digest in _made_with(file).items():
+        for name, digest in made_with(file).items():
             if digests.get(name, digest) != digest:
                 message = f"the records are from another policy than the {name} that is given"
                 raise UserError(message, file=file, expected=digests[name][:12], got=digest[:12])
@@ -208,6 +208,7 @@ def take_in(stored: Iterable[Episode], out: Path) -> None:
     append(path, [e for e in stored if e.key not in have])
 
 
-def _made_with(file: Path) -> Mapping[str, str]:
+def made_with(file: Path) -> Mapping[str, str]:
+    """Return the digests of the policies that played a file of episodes, NAME/sSEED -> digest; empty if not known."""
     path = Path(file).parent / RUN
     return read_names(path)["policies"] if path.exists() else {}
