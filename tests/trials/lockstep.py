@@ -33,8 +33,10 @@ class Lockstep(Clock):
         told = {}
         for key, image in self.robot.pictures(cameras).items():
             told[key.partition("_")[2]] = Picture(depth=image) if image.ndim == 2 else Picture(rgb=image)
-        values = (x.copy() for x in self.robot.reading().values())
-        return Reading(self.robot.time + 77.0, *values, told, ended=self.robot.ended is not None)
+        return Reading(self.robot.time + 77.0, *(x.copy() for x in self.robot.reading().values()), told)
+
+    def ended(self):
+        return self.robot.over()
 
     def command(self, pose):
         self.commands.append(np.array(pose))

@@ -169,6 +169,10 @@ def test_a_robot_that_judges_the_task_ends_the_episode_and_not_the_height_above_
     assert outcome.success and outcome.by == "robot" and outcome.depth_m >= 0.02
 
 
+def test_after_a_rest_of_another_length_than_a_policy_period_an_episode_takes_as_long(robot):
+    assert ran(robot, rest=1.2).said.outcome.time_s == pytest.approx(ran(robot).said.outcome.time_s)
+
+
 @pytest.mark.parametrize(
     ("told", "stated", "success"), [(True, None, False), (False, None, True), (False, (0.0, 0.0, 0.0), False)]
 )
@@ -176,8 +180,7 @@ def test_a_tip_as_deep_beside_a_goal_whose_place_is_stated_is_no_success(robot, 
     """By measured place alone, of a robot that does not judge the task."""
 
     class Blind(Lockstep):
-        def read(self, cameras=()):
-            return replace(super().read(cameras), ended=None)
+        def ended(self): ...
 
         def stop(self):
             super().stop()

@@ -26,8 +26,6 @@ class Reading:
         q, dq: (nj,) rad, rad/s.
         wrench: (6,) N and N m, in the convention of `Connected.wrench`; None if the robot measures none.
         pictures: camera name -> picture, for the requested cameras.
-        ended: whether the robot knows that the episode has ended, of which `stop` then tells; None for a robot that
-            does not judge the task, where the measured place of the tip decides.
     """
 
     time: float
@@ -35,7 +33,6 @@ class Reading:
     dq: np.ndarray
     wrench: np.ndarray | None
     pictures: Mapping[str, Picture] = field(default_factory=dict)
-    ended: bool | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +53,11 @@ class Connected:
 
 
 class Driver(Protocol):
-    """A robot."""
+    """A robot.
+
+    One that judges the task itself may also have `ended() -> bool`, called in every policy period after `read`: whether
+    the episode has ended, of which `stop` then tells. Without it the measured place of the tip decides.
+    """
 
     def connect(self, interface: Interface, seed: int) -> Connected | None:
         """Begin an episode: the robot holds its current pose. `seed` is the episode's number."""

@@ -227,6 +227,7 @@ class _Loop:
             RECENT * interface.controller.period_s
         )  # as long as the window over which the wrench is averaged
         believed = how.goal or connected.start.get("believed_m")
+        self.ended: Callable[[], bool | None] = getattr(robot, "ended", lambda: None)
         self.goal = None if believed is None else np.asarray(believed, float)
         self.target = np.zeros(7)
         self.first: Reading | None = None
@@ -282,9 +283,10 @@ class _Loop:
                 return limit
             if acts:
                 tip = seen.tip()[0] - seen.believed[0]
-                if reading.ended is None and self._reached(seen.tip()[0]):
+                over = self.ended()
+                if over is None and self._reached(seen.tip()[0]):
                     return "success"
-                if steps >= self.count or (steps and reading.ended):
+                if steps >= self.count or (steps and over):
                     return None
                 if (limit := self._act(obs, reading, due, steps, tip, force)) is not None:
                     return limit

@@ -58,7 +58,7 @@ class SimulatedRobot:
         }
 
     def tick(self) -> None:
-        """Advance by one control period; judge the episode after each policy period."""
+        """Advance by one control period; judge the episode a policy period after it was last judged."""
         sim, n = self.sim, self.config.ticks
         felt, force = sim.tick(len(self._felt), self.measured)
         self.wrench = felt[0].copy()
@@ -67,7 +67,7 @@ class SimulatedRobot:
         sim.cell.read()
         self.measured = self._measured()
         self.ticks += 1
-        if self.ticks % n == 0:
+        if len(self._force) == n:
             self._judge()
 
     def _measured(self) -> tuple[np.ndarray, np.ndarray]:
@@ -109,6 +109,15 @@ class SimulatedRobot:
                 out[key] = image[0, 0] if kind_of(key) is DEPTH else np.moveaxis(image[0], 0, -1)
         return out
 
+    def over(self) -> bool:
+        """Return whether the episode has ended; to be called when a policy period ends, for the task to judge it.
+
+        The host's clock differs from the robot's, so that a period in progress is judged from half its length on.
+        """
+        if 2 * len(self._force) >= self.config.ticks:
+            self._judge()
+        return self.ended is not None
+
     def outcome(self) -> dict[str, Any]:
         """Return how the episode ended, or how it would if time were over now."""
         if self._force:
@@ -146,8 +155,9 @@ def serve(robot: SimulatedRobot, link: socket.socket, latency: float) -> None:
                     due = begun + period
                 elif message["call"] == "read":
                     at, values = past[0]
-                    told = {"time": offset + at, "ended": robot.ended is not None}
-                    send(link, told, {**values, **robot.pictures(message["cameras"])})
+                    send(link, {"time": offset + at}, {**values, **robot.pictures(message["cameras"])})
+                elif message["call"] == "ended":
+                    send(link, {"ended": robot.over()})
                 elif message["call"] == "command":
                     coming.append((robot.time + latency, arrays["pose"]))
                 elif message["call"] == "stop":

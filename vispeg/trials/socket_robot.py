@@ -90,7 +90,11 @@ class SocketRobot:
             if key not in ("q", "dq", "wrench"):
                 pictures.setdefault(camera_of(key), {})["depth" if image.ndim == 2 else "rgb"] = image
         seen = {name: Picture(i.get("rgb"), i.get("depth")) for name, i in pictures.items()}
-        return Reading(told["time"], values["q"], values["dq"], values["wrench"], seen, told["ended"])
+        return Reading(told["time"], values["q"], values["dq"], values["wrench"], seen)
+
+    def ended(self) -> bool:
+        """See Driver."""
+        return bool(self._ask({"call": "ended"})[0]["ended"])
 
     def command(self, pose: np.ndarray) -> None:
         """See Driver."""
