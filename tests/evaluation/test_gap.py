@@ -228,6 +228,9 @@ def test_a_robot_that_takes_longer_and_presses_harder_is_told_so():
     (_, force) = gap(freely + touched)["measures"]
     assert force["verdict"] == "different" and force["words"].startswith("the peak force is 0 N on both sides in the")
     assert gap(sim + timed(5.0, 117, "P", "other world"))["measures"] == [], "that is what the tables show"
+    grid = [replace(e, time=1.28) for e in sim]  # and the same on a robot's clock, as differences of its readings
+    clocked = [replace(e, world="robot", world_hash="", time=1e6 + 1.28 - 1e6) for e in grid]
+    assert clocked[0].time != 1.28 and gap(grid + clocked)["measures"][0]["p"] == 1.0
     untold = [replace(e, time=math.nan, peak_force=math.nan) for e in timed(5.0, 117, "robot", "")]
     assert gap(sim + untold)["measures"] == []
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from operator import attrgetter
+from functools import partial
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from vispeg.evaluation.schema.gap import Measure
 from vispeg.evaluation.statistics import CANNOT_TELL, Decision, by_ranks
 from vispeg.evaluation.table import rows
 
+DECIMALS = 6  # us and uN: the rounding of a clock's readings must not break ties between equal times
 APART = 0.5  # largest difference of the peak force, as a share of the simulated one
 UNITS = {"time": "s", "peak_force": "N"}
 NAMES = {"time": "successes take", "peak_force": "the peak force is"}
@@ -68,10 +69,15 @@ def compare(first: Sequence[Episode], second: Sequence[Episode]) -> list[Measure
             for side in (first, second)
         ]
         if all(sides):
-            x, y = ([getattr(e, name) for e in side] for side in sides)
-            p = by_ranks(*(rows(side, lambda e: (e.seed, e.configuration), attrgetter(name)) for side in sides))
+            value = partial(_value, name=name)
+            x, y = ([value(e) for e in side] for side in sides)
+            p = by_ranks(*(rows(side, lambda e: (e.seed, e.configuration), value) for side in sides))
             measures.append(Measured(name, float(np.median(x)), float(np.median(y)), (len(x), len(y)), p))
     return measures
+
+
+def _value(episode: Episode, name: str) -> float:
+    return round(float(getattr(episode, name)), DECIMALS)
 
 
 def _words(name: str, here: float, there: float, differ: bool, apart: bool) -> str:
