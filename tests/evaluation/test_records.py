@@ -133,3 +133,22 @@ def test_a_folder_with_its_lock_alone_is_a_new_one(tmp_path):
     (tmp_path / "out2" / "mine.txt").write_text("")
     with pytest.raises(UserError, match="not a folder of such results"), workplace(tmp_path / "out2", "evaluate.json"):
         pass
+
+
+@pytest.mark.parametrize("before", [None, "empty", "marked"])
+def test_a_run_refused_before_its_first_episode_leaves_its_folder_as_it_was(tmp_path, before):
+    out = tmp_path / "out"
+    if before is not None:
+        out.mkdir()
+    if before == "marked":  # by a run that was interrupted
+        with workplace(out, "evaluate.json"):
+            pass
+    with pytest.raises(UserError, match="unfit"), workplace(out, "evaluate.json") as place:
+        (place / "worlds").mkdir()
+        (place / "worlds" / "a.yaml").write_text("")
+        raise UserError("unfit")
+    assert out.exists() == (before is not None) and (before == "marked" or not [*out.glob("**/*")])
+    with pytest.raises(UserError, match="later"), workplace(tmp_path / "played", "evaluate.json") as place:
+        append(place / "episodes.jsonl", [ONE])
+        raise UserError("later")
+    assert read(tmp_path / "played" / "episodes.jsonl") == [ONE]

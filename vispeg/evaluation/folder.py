@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from shutil import rmtree
 from tempfile import TemporaryDirectory
 
 from vispeg.core.disk import written
 from vispeg.core.errors import UserError
-from vispeg.core.lock import claimed
+from vispeg.core.lock import LOCK, claimed
 from vispeg.core.marker import apart, holds, mark, untouched
 from vispeg.formats.json_data import read_json
+
+EPISODES = "episodes.jsonl"
 
 
 @contextmanager
@@ -20,7 +23,8 @@ def workplace(
 ) -> Iterator[Path]:
     """Yield the folder that `prepare` makes, locked against other processes while the body runs.
 
-    Without `out` it is a temporary folder.
+    Without `out` it is a temporary folder. One that was new or empty is so again if the body raises UserError before an
+    episode is stored, as there is nothing to resume.
     """
     if out is None:
         with TemporaryDirectory(prefix="vispeg-") as folder:
@@ -29,7 +33,27 @@ def workplace(
     out = Path(out).expanduser()
     refuse(out, result, inputs)
     with claimed(out):
-        yield prepare(out, result, overwrite, inputs)
+        new = not out.exists()
+        empty = new or untouched(out)
+        place = prepare(out, result, overwrite, inputs)
+        try:
+            yield place
+        except UserError:
+            if empty and not (place / EPISODES).exists():
+                _clear(place, new)
+            raise
+
+
+def _clear(folder: Path, new: bool) -> None:
+    """Remove what a run put into a folder that was empty before, and a `new` folder itself."""
+    for path in folder.iterdir():
+        if path.is_dir():
+            rmtree(path, ignore_errors=True)
+        elif path.name != LOCK:
+            path.unlink(missing_ok=True)
+    if new:
+        with suppress(OSError):
+            folder.rmdir()
 
 
 def refuse(out: Path, result: str, inputs: Iterable[str | Path | None] = ()) -> None:
@@ -63,7 +87,7 @@ def prepare(out: Path, result: str, overwrite: bool, inputs: Iterable[str | Path
     if done and not overwrite:
         raise UserError("exists already; name another folder or pass --overwrite", file=out / result)
     if done:  # the new run must not continue the old one
-        for old in (page.name, result, "episodes.jsonl", "run.json"):
+        for old in (page.name, result, EPISODES, "run.json"):
             with written(out / old):
                 (out / old).unlink(missing_ok=True)
     with written(out):

@@ -16,6 +16,7 @@ from vispeg.core.files import write_text_atomic
 from vispeg.core.workers import pool_of
 from vispeg.evaluation.arena import play
 from vispeg.evaluation.entrants import Entrant
+from vispeg.evaluation.folder import EPISODES
 from vispeg.evaluation.jobs import IMAGE_ROWS, Job
 from vispeg.evaluation.records import Episode, append, read
 from vispeg.formats.format import enrol
@@ -24,7 +25,7 @@ from vispeg.render.backends.backend import jobs_a_process
 from vispeg.task.world_file import load_world
 
 DIVERGED = "diverged"  # folder of episodes whose simulation diverged, to be replayed
-EPISODES, RUN = "episodes.jsonl", "run.json"
+RUN = "run.json"
 Arena = Callable[[Job], list[Episode]]
 J = TypeVar("J", bound=Job)
 R = TypeVar("R")
