@@ -253,6 +253,15 @@ def test_sweeps_of_one_effect_at_two_places_are_told_apart(tmp_path):
     assert everywhere.label == "backlash.gap" and everywhere.where == "*"
 
 
+def test_a_sweep_at_no_place_of_the_cell_is_refused_by_its_option(tmp_path, monkeypatch, capsys):
+    from vispeg.cli.main import main
+
+    monkeypatch.chdir(tmp_path)
+    argv = "sensitivity expert --world nominal --sweep command_delay@elbow.delay=0.01 --out o"
+    assert main(argv.split()) == 2 and not [*tmp_path.iterdir()]
+    assert "error: --sweep: command_delay has no such place; got 'elbow'; choices: joint1" in capsys.readouterr().err
+
+
 def test_a_sweep_whose_last_value_is_null_has_its_curve():
     what = sensitivity.sweep("contact_friction.scale=0.25,0.5")
     counts = {0.25: 10, 0.5: 40, 1.0: 40}

@@ -17,6 +17,7 @@ from vispeg.evaluation.players import ready
 from vispeg.evaluation.stress import sensitivity as swept
 from vispeg.report.gap.stress_pages import sensitivity_page
 from vispeg.report.text.summary import Block, Line
+from vispeg.task.registry import scene_of
 from vispeg.task.world_file import load_world
 
 
@@ -72,6 +73,7 @@ def sensitivity(
     who, file = ready(policies), load_world(world)
     asked = [what for text in sweeps for what in swept.sweeps(str(text), file.world.base.robot)]
     swept.refuse_unseen(asked, who)
+    swept.refuse_elsewhere(asked, scene_of(file.task))
     read = [file.path, *folders(who)]
     with workplace(out, "sensitivity.json", overwrite, read) as place:
         settings = [s for what in asked for s in swept.settings(str(world), file.name, what)]

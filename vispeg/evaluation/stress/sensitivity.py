@@ -20,9 +20,11 @@ from vispeg.evaluation.schema.stress import Curve, SweepPoint, SweepRecord
 from vispeg.evaluation.statistics import CANNOT_TELL, Decision, Estimate, Rows, decide, difference, rate
 from vispeg.evaluation.stress.interval import ends, verdict, words
 from vispeg.evaluation.table import rows
+from vispeg.robots.scene import Scene
 from vispeg.worlds.identified import acting
 from vispeg.worlds.measurement_file import is_measurement, load_measurement
 from vispeg.worlds.model_file import load_model
+from vispeg.worlds.places import ALL, MANY, check
 
 FORMAT = "vispeg-sensitivity/1"
 
@@ -172,6 +174,13 @@ def refuse_unseen(sweeps: Iterable[Sweep], who: Iterable[Entrant]) -> None:
                     expected="policies that see, or an effect that they feel, such as latency",
                     got=what.label,
                 )
+
+
+def refuse_elsewhere(sweeps: Iterable[Sweep], scene: Scene) -> None:
+    """Raise UserError for a sweep of an effect at a place that it does not have in the world's cell."""
+    for what in sweeps:
+        where = {"*": ALL, HELD: scene.held}.get(what.where, what.where)
+        check(effect(what.effect), where, scene, many=MANY, key="--sweep")
 
 
 def settings(world: str, name: str, what: Sweep) -> list[Setting]:
