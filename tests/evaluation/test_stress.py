@@ -214,6 +214,9 @@ def test_a_sweep_is_read_and_always_has_the_null_value():
         "contact_fricton.scale=1": "did you mean 'contact_friction'",
         "contact_friction.scale=x": "not numbers",
         "contact_friction.scale=99": "out of bounds",
+        "lens_distortion.k1,k2=0.1": "out of bounds; expected -0.05 to 0.05",
+        "camera_offset.x,rx=0.04": "cannot take the same values.*got 'x 0 m, rx 0 rad'",
+        "gripper_slip.grip,viscosity=1.5": "cannot take the same values",
     }.items():
         with pytest.raises(UserError, match=words):
             sensitivity.sweep(text)

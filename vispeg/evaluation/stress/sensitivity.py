@@ -99,7 +99,7 @@ def sweep(text: str) -> Sweep:
     """Return the sweep that a text names or describes: a key of SWEEPS, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,...
 
     Raises:
-        UserError: neither, an unknown effect or parameter, or values out of bounds.
+        UserError: neither, an unknown effect or parameter, parameters of several units, or values out of bounds.
     """
     if text in SWEEPS:
         return SWEEPS[text]
@@ -110,13 +110,16 @@ def sweep(text: str) -> Sweep:
         raise UserError("unknown sweep", key="--sweep", expected=expected, got=text, choices=SWEEPS)
     name, _, where = place.partition("@")
     kind, params = effect(name), tuple(names.split(","))
-    for p in params:
-        kind.param(p, key="--sweep")
+    together = [kind.param(p, key="--sweep") for p in params]
+    if len({(p.unit, p.null) for p in together}) > 1:
+        told = ", ".join(f"{name} {p.null:g} {p.unit}" for name, p in zip(params, together, strict=True))
+        expected = "parameters of one unit that vanish at one value"
+        raise UserError("cannot take the same values", key="--sweep", expected=expected, got=told)
     try:
-        values = tuple(sorted({float(v) for v in tail.split(",")} | {kind.params[params[0]].null}))
+        values = tuple(sorted({float(v) for v in tail.split(",")} | {together[0].null}))
     except ValueError:
         raise UserError("not numbers", key="--sweep", got=tail) from None
-    low, high = kind.params[params[0]].low, kind.params[params[0]].high
+    low, high = max(p.low for p in together), min(p.high for p in together)
     for v in values:
         if not low <= v <= high:
             raise UserError("out of bounds", key="--sweep", expected=f"{low:g} to {high:g}", got=v)
