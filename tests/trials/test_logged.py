@@ -74,6 +74,7 @@ def test_it_ends_as_the_log_says_and_has_as_many_episodes(depth, tmp_path):
     assert [(o.category, o.by, o.peak_force_n) for o in found] == [("jam", "robot", 12.5), ("dropped", "robot", 12.5)]
     with pytest.raises(UserError, match="no more episodes"):
         run("depth-S", f"log:{both}", tmp_path / "more", episodes=3)
+    assert not (tmp_path / "more").exists(), "and that is known before the first"
 
 
 def test_another_policy_s_log_is_said_to_be_one(state, tmp_path):

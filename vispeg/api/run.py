@@ -121,6 +121,7 @@ def run(
     target = driver(robot) if isinstance(robot, str) else robot
     if isinstance(target, LoggedRobot):
         how, clock, watch, most = target.how(how or How()), target, False, target.episodes
+        target.check(episodes or most)
     else:
         most = 1
     count = episodes or most

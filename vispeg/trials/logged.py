@@ -103,6 +103,11 @@ class LoggedRobot(Clock):
         """Number of episodes."""
         return len(self._all)
 
+    def check(self, count: int) -> None:
+        """Raise UserError if the log has fewer episodes than `count`."""
+        if count > self.episodes:
+            raise UserError("has no more episodes", key="--episodes", expected=f"{self.episodes} or fewer", got=count)
+
     def how(self, how: How) -> How:
         """Return run settings fit for a log: without limits and without a rest before the policy acts."""
         return replace(how, limits=Unlimited(), rest=0.0)
@@ -117,8 +122,7 @@ class LoggedRobot(Clock):
 
     def connect(self, interface: Interface, seed: int) -> Connected:
         """Begin the next episode. Raises UserError: there is none, or it is of another arm."""
-        if self._next >= self.episodes:
-            raise UserError("has no more episodes", key="--episodes", expected=f"{self.episodes} or fewer")
+        self.check(self._next + 1)
         self._at = self._all[self._next](interface)
         self._next, self._now, self._apart, self._period = self._next + 1, 0.0, [], interface.policy_period_s
         apart, period = float(np.median(np.diff(self._at.time))), interface.controller.period_s
