@@ -5,9 +5,11 @@ import json
 import pytest
 
 from vispeg.api.films import played_in
+from vispeg.api.gap import gap
 from vispeg.cli.main import main
 from vispeg.cli.tolerance import at_tolerance
 from vispeg.core.assets import assets
+from vispeg.core.notes import Note
 from vispeg.evaluation.entrants import entrants
 from vispeg.evaluation.records import read
 from vispeg.task.world_file import load_world
@@ -22,6 +24,14 @@ def test_another_clearance_is_told_and_the_folder_has_a_name(capsys, tmp_path, m
     assert told in capsys.readouterr().err
     (episode, _) = read(tmp_path / "evaluated" / "state-0.5mm-nominal" / "episodes.jsonl")
     assert episode.success
+
+
+def test_a_gap_tells_of_a_clearance_that_a_policy_was_not_made_for():
+    pytest.importorskip("torch")
+    asked = {"controls": "none", "episodes": 1}
+    with pytest.warns(Note, match="state-0.5mm was made for 0.5 mm, in nominal it is 3 mm"):
+        found = gap(["state-0.5mm", "expert"], ["nominal", "unknown_hole"], **asked)
+    assert len([said for said in found.record["notes"] if "was made for" in said]) == 2, "one for each world"
 
 
 def test_a_policy_is_played_at_its_own_clearance_in_its_own_world():

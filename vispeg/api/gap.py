@@ -7,9 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from vispeg.api.playing import Played, Playing, check_controls, check_numbers, folders, play, silent, stamped
+from vispeg.api.playing import (
+    Played,
+    Playing,
+    check_controls,
+    check_numbers,
+    folders,
+    other_tolerances,
+    play,
+    silent,
+    stamped,
+)
 from vispeg.core.cluster import Engine
 from vispeg.core.errors import UserError
+from vispeg.core.notes import note
 from vispeg.core.several import several, single
 from vispeg.evaluation import gap as gaps
 from vispeg.evaluation.entrants import EXPERT, Entrant, Policies, given, refuse_trained_on
@@ -136,6 +147,9 @@ def gap(
     names = [str(w) for w in worlds] if chosen is None else chosen.names
     if trials.episodes and robot in {*names, *(e.world for e in stored_before)}:
         raise UserError("a world has the robot's name", key="--robot", expected="another name", got=robot)
+    said = other_tolerances(who, () if chosen is None else chosen.files)
+    for text in said:
+        note(text)
     with workplace(out if who else None, "gap.json", overwrite, read) as place:
         jobs: list[Job] = []
         played = []
@@ -151,7 +165,7 @@ def gap(
         known |= {e.name: e.digest for e in who}
         scripted = {name for name, digest in known.items() if digest == EXPERT} | ({EXPERT} - set(known))
         homes = {e.name: {h for r in who if r.name == e.name for h in r.trained_on} for e in who if e.trained_on}
-        values = gaps.gap(every, names[0], targets, seed, trials.notes, scripted, homes)
+        values = gaps.gap(every, names[0], targets, seed, [*said, *trials.notes], scripted, homes)
         filmed = out is not None and videos > 0 and bool(jobs)
         both = list(dict.fromkeys((names[0], names[-1])))
         media = film_seeds(jobs, list(ends.values()), both, place / "media", videos) if filmed else []

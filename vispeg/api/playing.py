@@ -23,7 +23,7 @@ from vispeg.evaluation.jobs import Job
 from vispeg.evaluation.records import Episode, append
 from vispeg.report.gap import words
 from vispeg.report.gap.build import write
-from vispeg.task.registry import scene_of
+from vispeg.task.registry import config_of, scene_of
 from vispeg.task.world_file import WorldFile
 
 if TYPE_CHECKING:
@@ -111,6 +111,20 @@ def check_numbers(episodes: int, workers: int) -> None:
         raise UserError("no episodes", key="--episodes", expected="1 or more", got=episodes)
     if workers < 1:
         raise UserError("no workers", key="--workers", expected="1 or more", got=workers)
+
+
+def other_tolerances(who: Iterable[Entrant], worlds: Iterable[WorldFile]) -> list[str]:
+    """Return a line on each policy that was made for another tolerance than a world's task has."""
+    said = []
+    for file in worlds:
+        config = config_of(file.task)
+        if (about := config.tolerance) is not None:
+            here, unit = getattr(config, about.setting), about.unit
+            others = [e for e in who if e.tolerance not in (None, here)]
+            said += [
+                f"{e.name} was made for {e.tolerance:g} {unit}, in {file.name} it is {here:g} {unit}" for e in others
+            ]
+    return list(dict.fromkeys(said))
 
 
 def check_controls(controls: str | Sequence[str] | None, world: WorldFile) -> tuple[str, ...]:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
+from vispeg.api.playing import Playing, check_numbers, folders, other_tolerances, play, silent, stamped
 from vispeg.api.stress.result import Stressed
 from vispeg.core.cluster import Engine
 from vispeg.core.errors import UserError
+from vispeg.core.notes import note
 from vispeg.core.several import several
 from vispeg.evaluation.entrants import Policies
 from vispeg.evaluation.folder import workplace
@@ -74,6 +75,8 @@ def sensitivity(
     asked = [what for text in sweeps for what in swept.sweeps(str(text), file.world.base.robot)]
     swept.refuse_unseen(asked, who)
     swept.refuse_elsewhere(asked, scene_of(file.task))
+    for text in other_tolerances(who, [file]):
+        note(text)
     read = [file.path, *folders(who)]
     with workplace(out, "sensitivity.json", overwrite, read) as place:
         settings = [s for what in asked for s in swept.settings(str(world), file.name, what)]

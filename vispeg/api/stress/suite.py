@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
+from vispeg.api.playing import Playing, check_numbers, folders, other_tolerances, play, silent, stamped
 from vispeg.api.stress.result import Stressed
 from vispeg.core.cluster import Engine
 from vispeg.core.errors import UserError
@@ -96,6 +96,7 @@ def suite(
     if target is not None and not fine_tuned:
         _refuse(who, files[str(target)], files[str(train)])
     trials = _measured(measured, who, chosen)
+    said = [*trials.notes, *other_tolerances(who, files.values())]
     measured_files = [Path(p) for p in (measured, configurations) if p is not None]
     read = [*measured_files, *(f.path for f in files.values()), *folders(who)]
     with workplace(out, "suite.json", overwrite, read) as place:
@@ -103,7 +104,7 @@ def suite(
         jobs = make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds")
         ends = [*play(jobs, place, workers, playing, engine), *trials.episodes]
         called = version or ("" if out is None else Path(out).expanduser().resolve().name)
-        about = {**suites.summarise(ends, names[0], names[1], called, hashes), "notes": [*trials.notes]}
+        about = {**suites.summarise(ends, names[0], names[1], called, hashes), "notes": said}
         result = SuiteResult(stamped(about, seed, folders(who)), tuple(ends), (), tuple(read))
         if out is not None:
             result._write(place)
