@@ -19,6 +19,7 @@ from vispeg.recordings.frames.frames import Frames, RecordedFrame
 from vispeg.recordings.load import load
 from vispeg.recordings.recording import Control, Recording
 from vispeg.recordings.write import write
+from vispeg.trials.limits import Limits
 from vispeg.trials.logged import FORCE, LoggedRobot
 from vispeg.trials.loop import How, run_episode
 from vispeg.trials.tape import recorded
@@ -80,6 +81,13 @@ def test_it_ends_as_the_log_says_and_has_as_many_episodes(depth, tmp_path):
 def test_another_policy_s_log_is_said_to_be_one(state, tmp_path):
     with pytest.warns(Note, match="commands differ from the policy's by .* mm .median."):
         run("state-0.5mm", f"log:{state / 'log'}", tmp_path / "other")
+
+
+def test_a_limit_is_said_to_stop_no_log(state):
+    robot, limits = LoggedRobot(state / "log"), Limits(force=1.0)
+    with pytest.warns(Note, match="limits of force, speed and reach do not stop it"):
+        robot.how(How(limits))
+    robot.how(How())
 
 
 def test_what_is_no_log_of_this_arm_is_refused(depth, tmp_path, capsys):

@@ -109,7 +109,12 @@ class LoggedRobot(Clock):
             raise UserError("has no more episodes", key="--episodes", expected=f"{self.episodes} or fewer", got=count)
 
     def how(self, how: How) -> How:
-        """Return run settings fit for a log: without limits and without a rest before the policy acts."""
+        """Return run settings fit for a log: without limits and without a rest before the policy acts.
+
+        A note tells that stated limits stop nothing.
+        """
+        if how.limits != Limits():
+            note("a log is replayed: limits of force, speed and reach do not stop it")
         return replace(how, limits=Unlimited(), rest=0.0)
 
     def now(self) -> float:
