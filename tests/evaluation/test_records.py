@@ -152,3 +152,21 @@ def test_a_run_refused_before_its_first_episode_leaves_its_folder_as_it_was(tmp_
         append(place / "episodes.jsonl", [ONE])
         raise UserError("later")
     assert read(tmp_path / "played" / "episodes.jsonl") == [ONE]
+
+
+def test_a_run_refused_before_its_first_episode_leaves_the_result_that_it_was_to_replace(tmp_path):
+    def made(words, episodes=()):
+        with workplace(tmp_path / "out", "evaluate.json", overwrite=True) as place:
+            append(place / "episodes.jsonl", episodes) if episodes else None
+            if not words:
+                raise UserError("unfit")
+            for name in ("evaluate.json", "evaluate.html"):
+                (place / name).write_text(words)
+
+    made("old", [ONE])
+    for episodes, left in (((), "old"), ([ONE], None)):
+        with pytest.raises(UserError, match="unfit"):
+            made("", episodes)
+        file = tmp_path / "out" / "evaluate.json"
+        assert (file.read_text() if file.exists() else None) == left and not (tmp_path / "out" / ".before").exists()
+        assert read(tmp_path / "out" / "episodes.jsonl") == [ONE]

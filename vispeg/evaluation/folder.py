@@ -15,6 +15,7 @@ from vispeg.core.marker import apart, holds, mark, untouched
 from vispeg.formats.json_data import read_json
 
 EPISODES = "episodes.jsonl"
+BEFORE = ".before"  # folder in OUT for the result that a run replaces, until the run ends
 
 
 @contextmanager
@@ -23,8 +24,8 @@ def workplace(
 ) -> Iterator[Path]:
     """Yield the folder that `prepare` makes, locked against other processes while the body runs.
 
-    Without `out` it is a temporary folder. One that was new or empty is so again if the body raises UserError before an
-    episode is stored, as there is nothing to resume.
+    Without `out` it is a temporary folder. If the body raises before an episode is stored, nothing can be resumed. A
+    result that it was to replace is there again then, and after UserError a folder that was new or empty is as it was.
     """
     if out is None:
         with TemporaryDirectory(prefix="vispeg-") as folder:
@@ -38,10 +39,15 @@ def workplace(
         place = prepare(out, result, overwrite, inputs)
         try:
             yield place
-        except UserError:
-            if empty and not (place / EPISODES).exists():
-                _clear(place, new)
+        except BaseException as error:
+            if not (place / EPISODES).exists():
+                for path in (place / BEFORE).glob("*"):
+                    path.replace(place / path.name)
+                if empty and isinstance(error, UserError):
+                    _clear(place, new)
             raise
+        finally:
+            rmtree(place / BEFORE, ignore_errors=True)
 
 
 def _clear(folder: Path, new: bool) -> None:
@@ -65,14 +71,14 @@ def refuse(out: Path, result: str, inputs: Iterable[str | Path | None] = ()) -> 
 
 
 def prepare(out: Path, result: str, overwrite: bool, inputs: Iterable[str | Path | None] = ()) -> Path:
-    """Make the folder, or delete a finished result in it; return it.
+    """Make the folder, or put a finished result in it aside (BEFORE); return it.
 
     A stopped run without a result is kept, so that it can be resumed.
 
     Args:
         out: the folder.
         result: name of the file that a finished run has written.
-        overwrite: whether a finished result may be deleted.
+        overwrite: whether a finished result may be replaced.
         inputs: files and folders that the run reads; `out` may be none of them, nor a folder above one.
 
     Raises:
@@ -87,9 +93,11 @@ def prepare(out: Path, result: str, overwrite: bool, inputs: Iterable[str | Path
     if done and not overwrite:
         raise UserError("exists already; name another folder or pass --overwrite", file=out / result)
     if done:  # the new run must not continue the old one
+        rmtree(out / BEFORE, ignore_errors=True)
         for old in (page.name, result, EPISODES, "run.json"):
-            with written(out / old):
-                (out / old).unlink(missing_ok=True)
+            with written(out / old), suppress(FileNotFoundError):
+                (out / BEFORE).mkdir(exist_ok=True)
+                (out / old).replace(out / BEFORE / old)
     with written(out):
         out.mkdir(parents=True, exist_ok=True)
         mark(out, kind, files=())
