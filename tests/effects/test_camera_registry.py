@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import deepcopy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -128,13 +129,21 @@ def test_what_is_drawn_anew_on_a_smooth_surface_is_said_to_be_random(name):
 
 @pytest.mark.parametrize("name", IMAGE)
 def test_colour_or_depth_alone(name):
-    """A camera that gives only one of the two is no mistake."""
+    """A camera that gives only one of the two is no mistake, and gives that one as beside the other."""
     given = frames(1)
-    for lacking in ("rgb", "depth"):
+    both = run([world(name)], given)
+    for lacking, other in (("rgb", "depth"), ("depth", "rgb")):
         cut = deepcopy(given)
         for frame in cut:
+            frame.truth, frame.colour = frame.depth, frame.rgb  # what was rendered is known, delivered or not
             setattr(frame, lacking, None)
-        assert all(getattr(out, lacking) is None for out in run([world(name)], cut))
+        alone = run([world(name)], cut)
+        assert all(getattr(out, lacking) is None for out in alone)
+        for one, beside in zip(alone, both, strict=True):
+            np.testing.assert_array_equal(getattr(one, other), getattr(beside, other))
+            assert one.colour is not None and one.truth is not None
+        bare = [replace(frame, truth=None, colour=None) for frame in cut]
+        assert all(getattr(out, lacking) is None for out in run([world(name)], bare))
 
 
 @pytest.mark.parametrize("name", sorted(CAMERA))

@@ -1,5 +1,7 @@
 """What policies see: the same physics whatever is seen, one row as many, looks that come and go with episodes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -27,16 +29,22 @@ SMALL = {"image_size": 16, "steps": 4, "backend": "raycast"}  # needs no graphic
 
 
 def test_seeing_changes_no_physics():
-    """State, depth and colour of one seed move alike, bit by bit."""
-    runs = []
-    for mode in ("state", "depth", "rgb"):
-        env = PegInHoleVec(2, world=WORLD, obs_mode=mode, **SMALL)
+    """State, depth and colour of one seed move alike, bit by bit; and depth is that beside colour."""
+    dark = RandomizedEffect("grazing_holes", "all", {"dark": 1.0, "shine": 1.0})
+    moving = RandomizedEffect("motion_blur", "all", {"exposure": 0.1})
+    world, runs, seen = replace(WORLD, ranges=(*WORLD.ranges, dark, moving)), [], {}
+    for mode in ("state", "depth", "rgb", "rgbd"):
+        env = PegInHoleVec(2, world=world, obs_mode=mode, **SMALL)
         env.reset(seed=6)
         for _ in range(3):
-            env.step(np.full((2, 3), -0.4))
+            seen[mode] = env.step(np.full((2, 3), -0.4))[0]
         runs.append(env.sim.cell.qpos.copy())
         env.close()
-    assert np.array_equal(runs[0], runs[1]) and np.array_equal(runs[0], runs[2])
+    assert all(np.array_equal(runs[0], other) for other in runs[1:])
+    for key, images in seen["rgbd"].items():
+        for mode in ("depth", "rgb"):
+            if key.startswith(f"{mode}_"):
+                assert np.array_equal(images, seen[mode][key]), key
 
 
 def test_one_row_sees_what_it_sees_among_many():

@@ -16,7 +16,9 @@ class Frame:
         depth: (n, H, W) float32, planar distance along the optical axis in m, 0 = no reading; or None.
         K: (n, 3, 3) intrinsics in px that the user believes in, pixel centres at integer coordinates.
         truth: (n, H, W) float32 depth as rendered, m, which no effect changes; or None. For effects that depend on the
-            geometry of the scene.
+            geometry of the scene, also where no depth is delivered.
+        colour: (n, H, W, 3) float32 colour as rendered, which no effect changes; or None. For effects on depth that
+            depend on the light, also where no colour is delivered.
         normals: (n, H, W, 3) float32 surface normals in the camera's OpenCV axes; None if the renderer gives none.
         velocity: (n, 6) linear (m/s) and angular (rad/s) velocity of the camera in its own OpenCV axes, or None.
         time: (n,) s since the episode began, for latency and dropped frames.
@@ -28,6 +30,7 @@ class Frame:
     depth: np.ndarray | None
     K: np.ndarray
     truth: np.ndarray | None = None
+    colour: np.ndarray | None = None
     normals: np.ndarray | None = None
     velocity: np.ndarray | None = None
     time: np.ndarray = field(default_factory=lambda: np.zeros(1))

@@ -37,6 +37,11 @@ def to_srgb(light: np.ndarray) -> np.ndarray:
     return np.minimum(out, np.float32(1), out=out)
 
 
+def colour(frame: Frame) -> np.ndarray | None:
+    """Return colour as rendered (n, H, W, 3): the frame's `colour`, else its `rgb`; None if it has neither."""
+    return frame.rgb if frame.colour is None else frame.colour
+
+
 Through = Callable[[np.ndarray, int], np.ndarray]  # (light (H, W, 3), index of the image) -> changed light
 
 

@@ -84,7 +84,8 @@ class Pipeline:
         """Return the images as the camera delivers them; `frame` is not modified.
 
         Args:
-            frame: rendered images, one per row. Without `truth`, its depth is taken as the truth.
+            frame: rendered images, one per row. Without `truth` and `colour`, its depth and
+                rgb are taken for them.
             rng: one generator per image; each call draws one number from each of them.
             rows: (n,) bool, images to process; the others stay as rendered and leave the effects' state unchanged.
                 None for all.
@@ -101,6 +102,7 @@ class Pipeline:
             depth=None if frame.depth is None else frame.depth.copy(),
             parts=None if frame.parts is None else frame.parts.copy(),
             truth=frame.depth if frame.truth is None else frame.truth,
+            colour=frame.rgb if frame.colour is None else frame.colour,
             shown=np.array(np.broadcast_to(frame.time, (self.n,)), float),
         )
         for in_light, group in groupby(self.stages, lambda s: isinstance(s.effect, LightEffect)):
@@ -109,7 +111,7 @@ class Pipeline:
                 continue
             for stage in group:
                 stage.effect.image(stage.state, out, stage.at(rows), stage.streams.begin(keys))
-        return replace(out, truth=frame.truth)
+        return replace(out, truth=frame.truth, colour=frame.colour)
 
     def _stage(self, kind: Effect) -> Stage:
         return Stage(kind, kind.absent((self.n,)), Streams(kind.name, self.n))

@@ -141,18 +141,18 @@ class CameraRig:
                     self._delivered[key_of(kind, c.name)][rows] = images[rows]
 
     def _frame(self, camera: Camera, shots: Sequence[Shot], moments: Sequence[Snapshot]) -> Frame:
-        rgb = depth = None
+        depth = None
         truth = np.stack([s.depth for s in shots])
-        if RGB in self.kinds:
-            rgb = np.stack([s.rgb for s in shots]).astype(np.float32) / 255
+        colour = np.stack([s.rgb for s in shots]).astype(np.float32) / 255
         if DEPTH in self.kinds:
             matched = [self._matched[row].get(camera.name) for row in range(self.rows)]
             depth = np.stack([s.depth if m is None else m for s, m in zip(shots, matched, strict=True)])
         return Frame(
-            rgb=rgb,
+            rgb=colour if RGB in self.kinds else None,
             depth=depth,
             K=np.repeat(camera.K[None], len(shots), axis=0),
             truth=truth,
+            colour=colour,
             velocity=np.stack([s.velocity for s in shots]),
             time=np.array([m.count for m in moments]) * self.period,
         )

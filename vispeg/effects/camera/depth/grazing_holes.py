@@ -17,7 +17,7 @@ from vispeg.core.params import Param
 from vispeg.effects.common.camera import CameraEffect
 from vispeg.effects.common.disparity import truth
 from vispeg.effects.common.field import persistent
-from vispeg.effects.common.light import LUMA
+from vispeg.effects.common.light import LUMA, colour
 from vispeg.effects.common.rays import rays
 
 WIDTH = 0.04  # width of the transition around `angle`, in the cosine
@@ -52,8 +52,8 @@ class GrazingHoles(CameraEffect):
             if p["grazing"][row]:
                 beyond = facing(frame, row) - np.float32(np.cos(p["angle"][row]))
                 survival *= 1 - np.float32(p["grazing"][row]) / (1 + cv2.exp(beyond * np.float32(1 / WIDTH)))
-            if frame.rgb is not None and (p["dark"][row] or p["shine"][row]):
-                luma = cv2.transform(frame.rgb[row], LUMA[None])
+            if (rgb := colour(frame)) is not None and (p["dark"][row] or p["shine"][row]):
+                luma = cv2.transform(rgb[row], LUMA[None])
                 light = luma * luma  # approximates the decoding of sRGB well enough here
                 survival *= 1 - np.float32(p["dark"][row]) * np.maximum(0, 1 - light * np.float32(1 / DARK))
                 survival *= 1 - np.float32(p["shine"][row]) * (light > np.float32(BRIGHT))

@@ -73,8 +73,8 @@ def line_kernel(du: float, dv: float) -> np.ndarray:
 def _flow(frame) -> np.ndarray:
     """Return the motion (n, 2) of the image's centre in px/s, at the mean 1 / z of the image; at 1 m without depth."""
     inverse = np.ones(frame.n)
-    if frame.depth is not None:
-        for row, z in enumerate(truth(frame)):
+    if (depth := truth(frame)) is not None:
+        for row, z in enumerate(depth):
             inverse[row] = float(disparity(z, np.float32(1)).sum()) / max(np.count_nonzero(z), 1)
     v = frame.velocity
     fx, fy = frame.K[:, 0, 0], frame.K[:, 1, 1]

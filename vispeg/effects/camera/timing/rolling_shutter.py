@@ -47,9 +47,8 @@ def image_flow(frame, row: int) -> np.ndarray:
     """Return how fast (H, W, 2) px/s the camera's own motion moves each pixel; without depth it counts as far away."""
     x, y, _ = rays(frame.K[row], frame.shape)
     near = np.zeros(frame.shape, np.float32)
-    if frame.depth is not None or frame.truth is not None:
-        z = truth(frame)[row]
-        near = np.divide(1, z, out=near, where=z > 0)
+    if (depth := truth(frame)) is not None:
+        near = np.divide(1, depth[row], out=near, where=depth[row] > 0)
     vx, vy, vz, wx, wy, wz = (np.float32(v) for v in frame.velocity[row])
     du = (-vx + x * vz) * near + x * y * wx - (1 + x * x) * wy + y * wz
     dv = (-vy + y * vz) * near + (1 + y * y) * wx - x * y * wy - x * wz
