@@ -61,6 +61,11 @@ def test_one_bad_pose_moves_little_and_is_named(tmp_path):
     eye = result.record["hand_eye"]
     assert np.linalg.norm(np.array(eye["pos_m"]) - X[:3, 3]) < 3e-3
     assert any("row 7 of tags.csv" in note for note in result.record["notes"])
+    text = (tmp_path / "tags.csv").read_text()
+    (tmp_path / "tags.csv").write_text(f"# by a detector\n# of today\n{text}")
+    record = place_camera(tmp_path / "tags.csv", robot="iiwa14").record
+    (worst,) = (row["row"] for row in record["rows"] if row["misfit"] > 3)
+    assert worst == 9 and any("row 9 of tags.csv" in note for note in record["notes"])
 
 
 def test_the_motions_of_flange_and_tag_are_the_same():

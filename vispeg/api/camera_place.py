@@ -178,7 +178,7 @@ def _record(found: Placed, mount: Mount, said: str, rows: Table) -> dict[str, An
             "tag_scatter_mm": 1e3 * eye.scatter,
             "robot_error": {"mm": 1e3 * float(eye.robot[0]), "deg": float(np.degrees(eye.robot[1]))},
         },
-        "rows": [{"row": number + 2, "misfit": float(misfit)} for number, misfit in enumerate(eye.misfit)],
+        "rows": [{"row": rows.first_row + number, "misfit": float(misfit)} for number, misfit in enumerate(eye.misfit)],
         "notes": notes,
     }
 
