@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from vispeg.core.errors import UserError
-from vispeg.datasets.codec import decode
+from vispeg.datasets.codec import decode, encode
 from vispeg.datasets.layout import is_picture, truth_of
 from vispeg.datasets.shards.plan import Shard, look_seed
 from vispeg.datasets.shards.shard import shard_bytes
-from vispeg.demonstrations.plan import plan_of
+from vispeg.demonstrations.plan import images_of, plan_of
 from vispeg.demonstrations.stage import ROWS, Stage, shard
 from vispeg.task.world_file import load_world
 from vispeg.worlds.split import optical
@@ -163,3 +163,24 @@ def test_a_world_that_changed_since_is_refused(asked):
     plan, layout = asked
     with pytest.raises(UserError, match="has changed"):
         Stage(replace(plan, world_hash="1" * 64), layout)
+
+
+def test_images_of_looks_are_part_of_the_plan_and_must_be_the_same_where_it_is_drawn(monkeypatch, tmp_path):
+    """Else a rendering that is continued, or a node, would mix the images of two folders."""
+    for folder, side in (("a", 8), ("b", 16)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "x.png").write_bytes(encode(np.full((side, side, 3), 200, np.uint8)))
+    world = tmp_path / "world.yaml"
+    world.write_text(
+        "format: vispeg-world/1\nbase: nominal\neffects:\n"
+        "- {effect: image_texture, where: table, params: {amount: 1, pick: {uniform: [0, 1]}}}\n"
+    )
+    monkeypatch.setenv("VISPEG_TEXTURES", str(tmp_path / "a"))
+    plan, layout = plan_of(str(world), 8, cameras=CAMERAS, size=24)
+    monkeypatch.setenv("VISPEG_TEXTURES", str(tmp_path / "b"))
+    others = images_of(load_world(world), CAMERAS)
+    assert plan.images != others
+    assert plan_of(str(world), 8, cameras=CAMERAS, size=24)[0] == replace(plan, images=others)
+    with pytest.raises(UserError, match="VISPEG_TEXTURES as then"):
+        Stage(plan, layout)
+    assert plan_of("nominal", 8)[0].images == ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.datasets.layout import (
     Feature,
@@ -20,6 +21,7 @@ from vispeg.datasets.layout import (
     truth_of,
 )
 from vispeg.datasets.shards.plan import RGB, RGBD, Plan, shard_frames
+from vispeg.effects.common.images import digest
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.part_mesh import part_mesh
 from vispeg.robots.scene import Scene
@@ -77,8 +79,21 @@ def plan_of(
         str(file.renderer.get("backend", backend)),
         shard_frames=per,
         modality=modality,
+        images=images_of(file, task.cameras),
     )
     return plan, layout_of(file, task, through, labels, modality != RGB)
+
+
+def images_of(file: WorldFile, cameras: Sequence[str]) -> str:
+    """Return the digest of the images from which a world's looks draw in pictures of these cameras; empty for none.
+
+    They are files of the machine, not of the world, so the world's hash does not hold them.
+
+    Raises:
+        UserError: there are no such images, or they cannot be read.
+    """
+    kinds = {getattr(effect(e.effect), "images", ()) for e in optical(file.world, cameras).entries}
+    return " ".join(digest(endings) for endings in sorted(kinds) if endings)
 
 
 def task_of(file: WorldFile, cameras: Sequence[str], size: int) -> TaskConfig:

@@ -22,9 +22,10 @@ from vispeg.datasets.episode import Episode, Recorder
 from vispeg.datasets.layout import Layout, colour_of, depth_of, truth_of
 from vispeg.datasets.shards.plan import Plan, Shard, look_seed
 from vispeg.datasets.shards.shard import drawn
-from vispeg.demonstrations.plan import scene_of, task_of
+from vispeg.demonstrations.plan import images_of, scene_of, task_of
 from vispeg.demonstrations.sensing import ROWS as SENSOR_ROWS
 from vispeg.demonstrations.sensing import Clip, sense
+from vispeg.effects.common.images import FOLDER
 from vispeg.render.backends.backend import Renderer
 from vispeg.render.block_matching import Matcher
 from vispeg.render.cameras.camera_files import to_record
@@ -110,7 +111,7 @@ class Stage:
         layout: layout of its frames.
 
     Raises:
-        UserError: the world's file has changed since the plan was made.
+        UserError: the world's file, or the images from which its looks draw, have changed since the plan was made.
     """
 
     def __init__(self, plan: Plan, layout: Layout):
@@ -118,6 +119,9 @@ class Stage:
         file = load_world(plan.world)
         if file.hash != plan.world_hash:
             raise UserError("the world has changed since the rendering began", file=file.path)
+        if images_of(file, plan.cameras) != plan.images:
+            expected = f"the images with which it began: {FOLDER} as then, on every machine"
+            raise UserError("other images for looks than the rendering began with", file=file.path, expected=expected)
         self.config = task_of(file, plan.cameras, plan.size)
         self.scene = scene_of(self.config)
         self.seen = optical(file.world, plan.cameras)

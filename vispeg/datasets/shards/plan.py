@@ -35,6 +35,7 @@ class Plan:
         backend: the renderer, unless the world names one.
         shard_frames: number of frames of the largest shard.
         modality: `rgbd`, or `rgb` for pictures without depth.
+        images: digest of the images that looks draw from (see `vispeg.effects.common.images`); empty if none does.
     """
 
     world: str
@@ -49,6 +50,7 @@ class Plan:
     backend: str = "auto"
     shard_frames: int = SHARD_FRAMES
     modality: str = RGBD
+    images: str = ""
 
     def __post_init__(self) -> None:
         for key in ("frames", "looks", "shard_frames"):

@@ -19,6 +19,7 @@ class Environment(SceneLook):
     """Surroundings and ambient colour from an HDR panorama."""
 
     name = "environment"
+    images = ENVIRONMENTS
     order = 60
     params = {
         "amount": Param(0.0, 0.0, 1.0, "1", start=1.0, doc="share of the panorama in the sky; the rest is nominal"),

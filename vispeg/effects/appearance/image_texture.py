@@ -17,6 +17,7 @@ class ImageTexture(PartLook):
     """Image texture on a part."""
 
     name = "image_texture"
+    images = PICTURES
     order = 60
     params = {
         "amount": Param(0.0, 0.0, 1.0, "1", start=1.0, doc="share of the image; the rest is nominal"),

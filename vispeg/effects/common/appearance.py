@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,8 +13,13 @@ SEEDS = 2.0**31 - 1  # greatest value of a seed parameter, which is rounded down
 
 
 class PartLook(Effect):
-    """An appearance effect of parts that have a material and a texture of their own."""
+    """An appearance effect of parts that have a material and a texture of their own.
 
+    Class attributes:
+        images: file name endings of the images that it draws from; empty for none.
+    """
+
+    images: ClassVar[tuple[str, ...]] = ()
     family = "appearance"
 
     def targets(self, model: Any) -> list[str]:
@@ -33,8 +38,9 @@ class LightLook(Effect):
 
 
 class SceneLook(Effect):
-    """An appearance effect of the scene as a whole."""
+    """An appearance effect of the scene as a whole; `images` as for PartLook."""
 
+    images: ClassVar[tuple[str, ...]] = ()
     family = "appearance"
 
     def targets(self, model: Any) -> list[str]:

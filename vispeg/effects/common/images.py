@@ -8,6 +8,8 @@ so a sampled world keeps its images as long as the folder does not change. If a 
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 from functools import lru_cache
 from pathlib import Path
@@ -49,6 +51,15 @@ def images(endings: tuple[str, ...], training: bool = False) -> tuple[Path, ...]
         if paths:
             return paths
     raise UserError("the textures folder is missing; install vispeg again", file=PACKAGE)
+
+
+def digest(endings: tuple[str, ...]) -> str:
+    """Return a digest (hex) of the images with these endings, in training and elsewhere: names and sizes, in order.
+
+    Their bytes do not enter, since a folder of photographs may hold gigabytes. Raises UserError as `images` does.
+    """
+    lists = [[(path.name, path.stat().st_size) for path in images(endings, training)] for training in (False, True)]
+    return hashlib.sha256(json.dumps(lists).encode()).hexdigest()
 
 
 def picked(endings: tuple[str, ...], share: float, training: bool = False) -> Path:

@@ -24,6 +24,7 @@ from vispeg.report.record import still
 
 PAGE, SHEET = "index.html", "contact-sheet.png"
 SAMPLED = 60  # number of frames from which figures on pictures are taken
+DIGESTS = ("world_hash", "images")  # settings of a plan that say nothing to a reader
 LARGE = 192  # px, height of a camera's picture
 
 
@@ -80,7 +81,7 @@ def headline(data: Dataset | Stored) -> Mapping[str, object]:
         "lengths": " to ".join(dict.fromkeys((str(min(lengths)), str(max(lengths))))),
         "megabytes": f"{sum(f.stat().st_size for f in data.folder.rglob('*') if f.is_file()) / 1e6:.1f}",
         "ends": [(k, n) for k, n in ends.most_common() if k],
-        "plan": {k: ", ".join(v) if isinstance(v, list) else v for k, v in plan.items() if k != "world_hash"},
+        "plan": {k: ", ".join(v) if isinstance(v, list) else v for k, v in plan.items() if k not in DIGESTS},
         "hash": plan.get("world_hash", ""),
         "fps": data.info["fps"],
     }
