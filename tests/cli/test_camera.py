@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from vispeg.core.seeds import stream
 from vispeg.recordings.load import load
+from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.camera_files import load_camera, load_posed, save_cameras
 from vispeg.vision.eye import camera_of
 
@@ -49,9 +50,18 @@ def test_calibrate_and_show(vispeg, images, tmp_path):
     assert code == 0 and json.loads(out)["cameras"][0]["fx"] == camera.fx
 
 
-def test_given_intrinsics_and_json(vispeg, images, tmp_path):
-    from vispeg.render.cameras.camera import Camera
+@pytest.mark.parametrize("style", ["vispeg", "opencv", "ros"])
+def test_show_states_no_pose_that_the_file_does_not(vispeg, tmp_path, style):
+    """Also in JSON: the base's origin is a place like any other."""
+    save_cameras(tmp_path / "k.yaml", Camera("k", 640, 480, *LENS.focal, *LENS.centre), style=style, posed=False)
+    code, out, _ = vispeg("camera", "show", "k.yaml")
+    assert code == 0 and "not stated" in out and "base" not in out and "+0.0000" not in out
+    code, out, _ = vispeg("camera", "show", "k.yaml", "--json")
+    (record,) = json.loads(out)["cameras"]
+    assert record["fx"] == LENS.focal[0] and not {"parent", "pos", "quat"} & set(record)
 
+
+def test_given_intrinsics_and_json(vispeg, images, tmp_path):
     save_cameras(tmp_path / "k.yaml", Camera("k", 640, 480, *LENS.focal, *LENS.centre))
     args = ["--pattern", "9x6", "--square", 0.0236, "--intrinsics", "k.yaml", "--out", "w", "--json"]
     code, out, _ = vispeg("camera", "calibrate", images, "--poses", images / "poses.csv", *args)

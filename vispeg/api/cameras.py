@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from vispeg.render.cameras.camera import Camera
-from vispeg.render.cameras.camera_files import load_cameras, to_record
+from vispeg.render.cameras.camera_files import POSE, load_posed, to_record
 from vispeg.report.text.summary import Block, html
 from vispeg.report.text.tables import Column, Sheet
 
@@ -18,19 +18,27 @@ HEADS = ("camera", "px", "fx fy", "cx cy", "field deg", "lens k1 k2 p1 p2 k3", "
 
 @dataclass(frozen=True)
 class CameraTable:
-    """A table of cameras, one per row."""
+    """A table of cameras, one per row.
+
+    Attributes:
+        cameras: the cameras.
+        posed: whether the file states the pose of each.
+    """
 
     cameras: Sequence[Camera]
+    posed: Sequence[bool]
 
     @property
     def record(self) -> dict[str, object]:
-        """The output of `vispeg camera show --json`."""
-        return {"cameras": [to_record(camera) for camera in self.cameras]}
+        """The output of `vispeg camera show --json`, without poses that the file does not state."""
+        records = [(to_record(camera), posed) for camera, posed in zip(self.cameras, self.posed, strict=True)]
+        return {"cameras": [{k: v for k, v in r.items() if posed or k not in POSE} for r, posed in records]}
 
     @property
     def summary(self) -> list[Block]:
         """Size, intrinsics, field of view, lens, position and direction of each camera."""
-        return [Sheet([Column(head) for head in HEADS], [_row(camera) for camera in self.cameras])]
+        rows = [_row(camera, posed) for camera, posed in zip(self.cameras, self.posed, strict=True)]
+        return [Sheet([Column(head) for head in HEADS], rows)]
 
     def _repr_html_(self) -> str:
         return html(self.summary)
@@ -45,12 +53,17 @@ def show_cameras(file: str | Path) -> CameraTable:
     Args:
         file: camera file.
     """
-    return CameraTable(load_cameras(Path(file)))
+    return CameraTable(*zip(*load_posed(Path(file)), strict=True))
 
 
-def _row(camera: Camera) -> list[str]:
+def _row(camera: Camera, posed: bool) -> list[str]:
     sides = (camera.width, camera.fx), (camera.height, camera.fy)
     field = [2 * np.degrees(np.arctan(side / 2 / focal)) for side, focal in sides]
+    place = [
+        camera.parent,
+        " ".join(f"{value:+.4f}" for value in camera.pos),
+        " ".join(f"{value:+.2f}" for value in camera.rotation[:, 2]),
+    ]
     return [
         camera.name,
         f"{camera.width}x{camera.height}",
@@ -58,7 +71,5 @@ def _row(camera: Camera) -> list[str]:
         f"{camera.cx:.1f} {camera.cy:.1f}",
         f"{field[0]:.0f}x{field[1]:.0f}",
         " ".join(f"{value:.3g}" for value in camera.distortion) if any(camera.distortion) else "none",
-        camera.parent,
-        " ".join(f"{value:+.4f}" for value in camera.pos),
-        " ".join(f"{value:+.2f}" for value in camera.rotation[:, 2]),
+        *(place if posed else ["not stated"] * len(place)),
     ]
