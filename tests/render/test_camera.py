@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from vispeg.api.cameras import field_of
 from vispeg.core.errors import UserError
 from vispeg.core.lens import distort, undistort
 from vispeg.core.rotation import quaternion
@@ -33,6 +34,18 @@ def test_a_lens_undone_is_the_pixel_again(k1, k2, p1, p2):
     camera = CAMERA.moved(distortion=(k1, k2, p1, p2, 0.0))
     rays, pixels = camera.rays(), np.stack(np.meshgrid(np.arange(64), np.arange(48)), -1)
     np.testing.assert_allclose(camera.project(rays * 1.7), pixels, atol=1e-7)
+
+
+def test_the_field_of_view_is_what_the_edges_see():
+    """Through the lens, and about a principal point that is not in the middle."""
+    assert field_of(Camera("eye", 64, 48, 60.0, 60.0, 31.5, 23.5)) == pytest.approx((56.145, 43.603), abs=1e-3)
+    camera = Camera("eye", 64, 48, 60.0, 60.0, 9.5, 23.5, (-0.12, 0.03, 0.0, 0.0, 0.0))
+    for axis, (edge, other) in enumerate((([-0.5, 23.5], [63.5, 23.5]), ([9.5, -0.5], [9.5, 47.5]))):
+        across, down = np.radians(field_of(camera))
+        first = np.append(camera.ideal(np.array(edge)), 1.0)
+        turn = Rotation.from_rotvec([0.0, across, 0.0] if axis == 0 else [-down, 0.0, 0.0])
+        x, y, z = turn.apply(first)  # the first edge's ray, turned by the field of view, is the other edge's
+        np.testing.assert_allclose(camera.project(np.array([x, y, z])), other, atol=1e-6)
 
 
 def test_where_the_lens_folds_back_no_ray_leads():

@@ -56,9 +56,17 @@ def show_cameras(file: str | Path) -> CameraTable:
     return CameraTable(*zip(*load_posed(Path(file)), strict=True))
 
 
+def field_of(camera: Camera) -> tuple[float, float]:
+    """Return the field of view across and down, degrees, lens included, in line with the principal point."""
+    right, down = camera.width - 0.5, camera.height - 0.5
+    u, v = np.clip(camera.cx, -0.5, right), np.clip(camera.cy, -0.5, down)
+    ends = [[(-0.5, v), (right, v)], [(u, -0.5), (u, down)]]
+    ideal = np.degrees(np.arctan(camera.ideal(np.array(ends))))  # (axis, end, 2)
+    return float(ideal[0, 1, 0] - ideal[0, 0, 0]), float(ideal[1, 1, 1] - ideal[1, 0, 1])
+
+
 def _row(camera: Camera, posed: bool) -> list[str]:
-    sides = (camera.width, camera.fx), (camera.height, camera.fy)
-    field = [2 * np.degrees(np.arctan(side / 2 / focal)) for side, focal in sides]
+    field = field_of(camera)
     place = [
         camera.parent,
         " ".join(f"{value:+.4f}" for value in camera.pos),
