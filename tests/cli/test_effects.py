@@ -5,9 +5,11 @@ import os
 import subprocess
 import sys
 
+import cv2
 import numpy as np
 import pytest
 
+from vispeg.api.library.effect_picture import draw_effect
 from vispeg.cli.main import BLAS_THREADS, main
 from vispeg.core.effect import REGISTRY
 from vispeg.identify.signature import signature
@@ -51,6 +53,23 @@ def test_each_place_has_its_own_picture(vispeg, tmp_path):
         assert vispeg("effects", "coulomb_friction", "--where", where, "--out", ".")[0] == 0
     first, second = (tmp_path / f"effect-coulomb_friction-{where}.png" for where in ("joint2", "joint6"))
     assert first.read_bytes() != second.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "where"), [("block_matching", None), ("rolling_shutter", None), ("camera_offset", "wrist_crop")]
+)
+def test_a_picture_shows_what_a_camera_s_effect_changes(tmp_path, name, where):
+    """Also depth by matching, what needs motion, and a camera that is not among the usual two."""
+    drawn = draw_effect(name, tmp_path, where=where)
+    assert drawn.path is not None
+    without, seen = np.split(cv2.imread(str(drawn.path)), 2)
+    assert (np.abs(without.astype(int) - seen) > 8).mean() > 1e-3
+
+
+@pytest.mark.parametrize(("name", "where"), [("camera_delay", None), ("part_colour", "arm")])
+def test_what_no_single_picture_shows_is_not_drawn(tmp_path, name, where):
+    drawn = draw_effect(name, tmp_path, where=where)
+    assert drawn.path is None and "changes nothing" in drawn.line and not list(tmp_path.iterdir())
 
 
 def test_picture_of_friction_shows_the_servo_deflected_by_friction():

@@ -64,7 +64,8 @@ def draw_effect(
     if path.exists() and not overwrite:
         return EffectPicture(path, " (exists; --overwrite draws it again)")
     if kind.family in OPTICAL:
-        draw_look(kind, where, scene or build(), path, overwrite=overwrite)
+        if not draw_look(kind, where, scene or build(), path, overwrite=overwrite):
+            return EffectPicture(None, "at its typical size it changes nothing in a picture from outside or the wrist")
         return EffectPicture(path)
     if not arm:
         return EffectPicture(None, "this effect acts only in the task's cell, which is not simulated here")
