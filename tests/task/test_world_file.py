@@ -198,6 +198,17 @@ def test_a_world_builds_on_others_and_replaces_what_it_says_itself(world, tmp_pa
         load_world(tmp_path / "loop.yaml")
 
 
+def test_a_worlds_own_camera_is_a_place_of_its_effects_and_of_those_of_worlds_on_it(world):
+    """As one that the task does not use is: what counts is that the world has it."""
+    off = {"effect": "camera_offset", "where": "side", "params": {"x": 0.01}}
+    mine = world("mine", base="nominal", cameras={"side": {"width": 32}}, effects=[off])
+    assert values(mine, 0) == {"camera_offset(side)": {"x": 0.01, "y": 0, "z": 0, "rx": 0, "ry": 0, "rz": 0}}
+    other = world("other", base="mine.yaml", effects=[off | {"params": {"y": 0.02}}])
+    assert values(other, 0)["camera_offset(side)"]["y"] == 0.02
+    with pytest.raises(UserError, match=r"no such place; got 'sied'.*external, side"):
+        load_world(world("typo", base="mine.yaml", effects=[off | {"where": "sied"}]))
+
+
 def test_the_hash_is_of_content_not_of_words(world):
     plain = load_world(world("a", effects=[FRICTION])).hash
     assert load_world(world("b", name="other", about="x", effects=[{**FRICTION, "source": "s"}])).hash == plain

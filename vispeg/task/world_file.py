@@ -20,6 +20,7 @@ from vispeg.core.errors import UserError
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import is_file, read_bytes
 from vispeg.formats.yaml_data import read_yaml
+from vispeg.robots.scene import Scene
 from vispeg.task.config import TaskConfig
 from vispeg.task.registry import config_of, digest_of, kind_of, task_of
 from vispeg.task.world_robot import declared, identity
@@ -235,7 +236,7 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> str:
         found += ranges_of(Identified.of(data["model"], path), config.robot.model)
     entries = _typed(_given(data, "effects", []), list, path, "effects")
     # the cell is built only for entries: the robot may be missing, and a file based on this one may name another
-    scene = task_of(config).cell(config) if entries else None
+    scene = _with_cameras(task_of(config).cell(config), parts.cameras) if entries else None
     own: dict[tuple[str, str], tuple[RandomizedEffect, str]] = {}
     for i, entry in enumerate(entries):
         r = ranged(entry, scene, path, f"effects[{i}]")
@@ -244,6 +245,11 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> str:
         own[r.effect, r.where] = r, f"effects[{i}]"
     _lay(parts, own, [r for r in found if (r.effect, r.where) not in own], path)
     return name
+
+
+def _with_cameras(scene: Scene, cameras: Mapping[str, Any]) -> Scene:
+    """Return the cell with the world's own cameras as places of effects, beside the standard ones."""
+    return replace(scene, cameras=tuple(dict.fromkeys((*scene.cameras, *cameras))))
 
 
 def _lay(
