@@ -15,6 +15,8 @@ from vispeg.api.fit_paper import PaperFit
 from vispeg.api.inputs import read_model
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
+from vispeg.render.cameras.camera_files import save_cameras
+from vispeg.render.cameras.standard import standard_cameras
 from vispeg.robots.model import load
 from vispeg.robots.scene import build
 from vispeg.sim.export import to_mjcf
@@ -196,6 +198,17 @@ def test_a_world_builds_on_others_and_replaces_what_it_says_itself(world, tmp_pa
     world("loop", base="loop.yaml")
     with pytest.raises(UserError, match="based on itself"):
         load_world(tmp_path / "loop.yaml")
+
+
+def test_the_text_of_a_world_names_its_camera_files_from_any_folder(world, tmp_path, monkeypatch):
+    """As an episode that diverged is saved, wherever the command stood."""
+    world("mine", base="nominal", cameras={"external": "lens.yaml"})
+    save_cameras(tmp_path / "lens.yaml", standard_cameras()[2].moved(fx=70.0))
+    monkeypatch.chdir(tmp_path)
+    file = load_world("mine.yaml")
+    (tmp_path / "saved").mkdir()
+    (tmp_path / "saved" / "world.yaml").write_text(world_text(file), encoding="utf-8")
+    assert load_world("saved/world.yaml").hash == file.hash
 
 
 def test_a_worlds_own_camera_is_a_place_of_its_effects_and_of_those_of_worlds_on_it(world):

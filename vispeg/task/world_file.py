@@ -334,7 +334,7 @@ def _typed(value: Any, kind: type, path: Path, key: str) -> Any:
 
 
 def _cameras(section: Any, path: Path) -> Mapping[str, Any]:
-    """Read `cameras`; paths become relative to the world file's folder. Mappings are checked by `eyes.task_cameras`."""
+    """Read `cameras`; paths are seen from the file's folder and made absolute. `eyes.task_cameras` checks mappings."""
     out = {}
     for name, camera in _typed(section, Mapping, path, "cameras").items():
         if not isinstance(camera, str | Mapping):
@@ -342,7 +342,7 @@ def _cameras(section: Any, path: Path) -> Mapping[str, Any]:
             raise UserError("wrong camera", file=path, key=f"cameras.{name}", expected=expected, got=camera)
         if isinstance(camera, str) and not is_file(_beside(camera, path)):
             raise UserError("no such camera file", file=path, key=f"cameras.{name}", got=camera)
-        out[str(name)] = str(_beside(camera, path)) if isinstance(camera, str) else dict(camera)
+        out[str(name)] = _placed(camera, path) if isinstance(camera, str) else dict(camera)
     return out
 
 
