@@ -23,7 +23,13 @@ class BlockMatching(CameraEffect):
             0.05, 0.005, 0.3, "m", start=0.05, shape=True, doc="distance to the second camera, on the right"
         ),
         "focal": Param(
-            210.0, 50.0, 1000.0, "px", start=210.0, shape=True, doc="least focal length of the matched images"
+            210.0,
+            50.0,
+            1000.0,
+            "px",
+            start=210.0,
+            shape=True,
+            doc="focal length of the matched images, to the nearest whole multiple of the delivered one's",
         ),
         "nearest": Param(0.1, 0.04, 0.5, "m", start=0.1, shape=True, doc="depth of the largest disparity searched"),
         "window": Param(5.0, 1.0, 15.0, "px", start=5.0, shape=True, doc="side of the matched blocks"),
