@@ -1,6 +1,6 @@
 """Ambient light: `level` is added to the light from all directions (1 is full white), and a colour temperature set.
 
-Native mechanism: `vis.headlight.ambient`.
+Native mechanism: `vis.headlight.ambient`, which the renderer Filament does not draw.
 """
 
 from __future__ import annotations

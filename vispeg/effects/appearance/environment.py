@@ -1,7 +1,8 @@
 """Environment: surroundings from a Radiance .hdr panorama, which shows as the sky and colours the ambient light.
 
 The panorama is tone-mapped into the skybox texture `sky`. `light` moves the colour of `vis.headlight.ambient` towards
-that of the mean light from above (cosine-weighted, as a level surface receives it); its brightness stays.
+that of the mean light from above (cosine-weighted, as a level surface receives it); its brightness stays. The
+renderer Filament draws no ambient light, so `light` changes nothing there.
 """
 
 from __future__ import annotations
