@@ -201,6 +201,13 @@ def test_a_bad_file_is_named_with_its_key(tmp_path, text, said):
     assert str(path) in str(error.value)
 
 
+def test_a_rational_lens_without_its_further_terms_is_browns_in_a_file_as_in_a_bag(tmp_path):
+    text = "camera_matrix: {data: [60, 0, 32, 0, 60, 32, 0, 0, 1]}\nimage_width: 64\nimage_height: 64\n"
+    text += "distortion_model: rational_polynomial\ndistortion_coefficients: {data: [0.1, 0.02, 0, 0, 0.01, 0, 0, 0]}\n"
+    (tmp_path / "camera.yaml").write_text(text)
+    assert load_camera(tmp_path / "camera.yaml").distortion == (0.1, 0.02, 0, 0, 0.01)
+
+
 def test_a_missing_or_binary_file(tmp_path):
     with pytest.raises(UserError, match="no such file"):
         load_cameras(tmp_path / "none.yaml")

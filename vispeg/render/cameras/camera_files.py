@@ -19,6 +19,7 @@ from vispeg.core.files import write_text_atomic
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import read_text
 from vispeg.formats.yaml_data import parse_yaml
+from vispeg.recordings.importers.camera_info import MODELS
 from vispeg.render.cameras.camera import FIELDS, Camera
 
 FORMAT = "vispeg-camera/1"
@@ -155,9 +156,9 @@ def _from_matrix(record: Mapping[str, Any], path: str | Path) -> Camera:
     model = record.get("distortion_model", "plumb_bob")
     if matrix.size != 9 or abs(matrix[1]) > 1e-9 * abs(matrix[0]):
         raise UserError("not a camera matrix without skew", file=path, key="camera_matrix", got=matrix.tolist())
-    fisheye, plumb_bob = record.get("fisheye_model"), model in ("plumb_bob", "none", "")  # OpenCV's and ROS's key
-    if fisheye or not plumb_bob or np.any(lens[5:]):
-        key, got = ("distortion_coefficients", lens.tolist()) if plumb_bob else ("distortion_model", model)
+    fisheye, brown = record.get("fisheye_model"), model in (*MODELS, "none", "")  # OpenCV's and ROS's key
+    if fisheye or not brown or np.any(lens[5:]):
+        key, got = ("distortion_coefficients", lens.tolist()) if brown else ("distortion_model", model)
         key, got = ("fisheye_model", fisheye) if fisheye else (key, got)
         raise UserError("unknown lens", file=path, key=key, expected="k1, k2, p1, p2, k3 (plumb_bob)", got=got)
     for key in ("image_width", "image_height"):
