@@ -25,6 +25,7 @@ from vispeg.datasets.shards.rendering import render
 from vispeg.demonstrations.plan import plan_of
 from vispeg.render.part_mesh import part_mesh
 from vispeg.report.dataset.build import headline, write
+from vispeg.report.dataset.drawn import drawn
 from vispeg.robots.scene import build
 
 BOX = trimesh.creation.box((0.016, 0.016, 0.08))
@@ -71,6 +72,13 @@ def test_its_frames_are_those_of_the_dataset(folder, source_of, kind):
             assert np.allclose(got["action"], want["action"]) and got["next.done"] == want["next.done"]
         else:  # parts that are objects, in the objects' order
             assert np.array_equal(got["label.parts.eye"], np.array([0, 0, 1, 2])[want["label.parts.eye"]])
+
+
+def test_a_constant_of_an_effect_that_some_episodes_lack_is_said_to_be_in_their_share():
+    there = {"occlusion(all)": {"area": 0.1, "count": 2.0}, "near_limit(all)": {"nearest": 0.07}}
+    found = drawn([there, {"near_limit(all)": {"nearest": 0.07}}, there, there])
+    shares = {(row["label"], row["param"]): row["share"] for row in found["fixed"]}
+    assert shares["occlusion(all)", "area"] == "in 75 % of episodes" and shares["near_limit(all)", "nearest"] == ""
 
 
 def test_frames_are_counted_from_the_end_too_and_end_where_the_dataset_ends(folder):

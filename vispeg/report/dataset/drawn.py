@@ -19,8 +19,8 @@ def drawn(worlds: Sequence[Mapping[str, Mapping[str, float]]]) -> Mapping[str, o
 
     Returns:
         `effects`: effect -> rows with `place`, `param`, `low`, `high`, `unit`, `svg`, and `share`, the share of
-        episodes in words, empty for all. `fixed`: rows with `label`, `param` and `value` with its unit, of what never
-        varies; values of absent effects are left out.
+        episodes in words, empty for all. `fixed`: rows with `label`, `param`, `value` with its unit and `share`, of
+        what has one value wherever it is drawn; values of absent effects are left out.
     """
     draws: dict[tuple[str, str], list[float]] = defaultdict(list)
     for world in worlds:
@@ -34,13 +34,13 @@ def drawn(worlds: Sequence[Mapping[str, Mapping[str, float]]]) -> Mapping[str, o
         unit = _unit(kind, name)
         if name == "seed":  # a histogram of seeds says nothing
             continue
-        if max(values) - min(values) <= 1e-12 * max(1.0, abs(values[0])):
-            if not _vanishes(kind, name, values[0]):
-                fixed.append({"label": label, "param": name, "value": quantity(values[0], unit)})
-            continue
-        ends = {"low": plain(min(values)), "high": plain(max(values)), "unit": unit}
         share = len(values) / len(worlds)
         times = "" if share > 0.999 else f"in {100 * share:.0f} % of episodes"
+        if max(values) - min(values) <= 1e-12 * max(1.0, abs(values[0])):
+            if not _vanishes(kind, name, values[0]):
+                fixed.append({"label": label, "param": name, "value": quantity(values[0], unit), "share": times})
+            continue
+        ends = {"low": plain(min(values)), "high": plain(max(values)), "unit": unit}
         effects[kind].append({"place": place, "param": name, "svg": histogram(values), "share": times, **ends})
     return {"effects": dict(effects), "fixed": fixed}
 
