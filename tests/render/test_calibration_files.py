@@ -58,6 +58,7 @@ def test_visp_joins_the_last_number(tmp_path):
         (HEAD + _row("b.png", X), "no pose for the image.*a.png"),
         (HEAD + _row("a.png", X) * 2, "two poses"),
         (HEAD + "a.png,0,0,0,1,1,0,0\n", "line 2.*unit quaternion"),
+        (HEAD + "\nb.png,0,0,0,1,0,0,0\n\na.png,0,0,0,1,1,0,0\n", "line 5.*unit quaternion"),
         (HEAD + "a.png,335,32,308,1,0,0,0\n", "expected metres"),
         (HEAD + "a.png,0,0,nan,1,0,0,0\n", "7 finite numbers"),
         (HEAD + "a.png,0,0,0,1,0\n", "not a pose"),

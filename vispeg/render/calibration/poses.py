@@ -61,14 +61,15 @@ for _name, _example in (("poses (CSV)", _table_example), ("poses (ViSP)", _visp_
 
 def _table(path: Path) -> dict[str, np.ndarray]:
     try:
-        rows = list(csv.DictReader(io.StringIO(read_text(path), newline=""), skipinitialspace=True))
+        reader = csv.DictReader(io.StringIO(read_text(path), newline=""), skipinitialspace=True)
+        rows = [(reader.line_num, row) for row in reader]  # blank lines are no rows
     except csv.Error as error:
         raise UserError(f"is not CSV ({error})", file=path) from None
-    missing = [column for column in COLUMNS if not rows or column not in rows[0]]
+    missing = [column for column in COLUMNS if not rows or column not in rows[0][1]]
     if missing:
         raise UserError(f"no column {missing[0]}", file=path, expected=", ".join(COLUMNS))
     out: dict[str, np.ndarray] = {}
-    for number, row in enumerate(rows, start=2):
+    for number, row in rows:
         name, where = Path(row["file"] or "").name, f"line {number}"
         if name in out:
             raise UserError("the image has two poses", file=path, key=where, got=name)
