@@ -17,7 +17,7 @@ from vispeg.task.environments.vector import TaskVec
 from vispeg.task.world_file import load_world
 from vispeg.view import html
 from vispeg.view.episode import Episodes
-from vispeg.view.world_draw import Draws, in_words, ranges
+from vispeg.view.world_draw import Draws, changed_text, in_words, ranges
 
 
 @pytest.fixture
@@ -47,6 +47,21 @@ def said(element):
 
 def told(heard, name):
     return [value for at, value in heard if at == name]
+
+
+def test_a_moved_range_of_all_places_leaves_those_of_single_places(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text(
+        "format: vispeg-world/1\nbase: nominal\neffects:\n"
+        "- {effect: exposure, where: all, params: {stops: {uniform: [-0.5, 0.5]}}}\n"
+        "- {effect: exposure, where: external, params: {stops: {uniform: [1.0, 2.0]}}}\n"
+        "- {effect: blur, where: external, params: {sigma: {uniform: [0.5, 1.0]}}}\n"
+    )
+    saved = tmp_path / "saved.yaml"
+    saved.write_text(changed_text(str(file), "saved", {("exposure", "all", "stops"): (-0.2, 0.2)}))
+    now = {(r.effect, r.where): (r.low, r.high) for r in ranges(str(saved))}
+    kept = {("exposure", "external"): (1.0, 2.0), ("blur", "external"): (0.5, 1.0)}
+    assert now == kept | {("exposure", "all"): (-0.2, 0.2)}
 
 
 @pytest.mark.parametrize("world", ["randomized", "P", "nominal"])

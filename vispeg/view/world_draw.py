@@ -22,6 +22,7 @@ from vispeg.task.environments.vector import TaskVec
 from vispeg.task.world_file import FORMAT, files, load_world
 from vispeg.worlds.distribution import LogUniform, Uniform
 from vispeg.worlds.entry import entry_dict
+from vispeg.worlds.places import MANY
 
 
 @dataclass(frozen=True)
@@ -107,11 +108,14 @@ class Draws:
 def changed_text(world: str, name: str, moved: Moved) -> str:
     """Return the text of a world file with a world as its base, whose ranges are moved.
 
+    A range of many places removes those that a base has for its effect, so all of that effect are written beside it.
+
     Raises:
         UserError: no such world.
     """
     opened = load_world(world)
     base = str(opened.path.resolve()) if Path(world).suffix else world
+    broad = {name for name, where, _ in moved if where in MANY}
     entries = []
     for entry in opened.world.ranges:
         params: dict[str, Any] = dict(entry.params)
@@ -119,7 +123,10 @@ def changed_text(world: str, name: str, moved: Moved) -> str:
             if (ends := moved.get((entry.effect, entry.where, param))) is not None:
                 params[param] = (LogUniform if isinstance(old, LogUniform) else Uniform)(*ends)
         if params != dict(entry.params):
-            entries.append(entry_dict(replace(entry, params=params, source="chosen on the page")))
+            entry = replace(entry, params=params, source="chosen on the page")
+        elif entry.effect not in broad:
+            continue
+        entries.append(entry_dict(entry))
     return yaml.safe_dump({"format": FORMAT, "name": name, "base": [base], "effects": entries}, sort_keys=False)
 
 
