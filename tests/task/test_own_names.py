@@ -1,5 +1,6 @@
 """A task of a user's own whose bodies, sites and joints are called otherwise: effects find them, pictures show them."""
 
+import json
 import os
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.datasets.formats.registry import export
 from vispeg.sim.compiled import compiled
 from vispeg.task.cell import Cell
 from vispeg.task.registry import config_of, task_of
@@ -118,3 +120,11 @@ def test_it_is_played_and_rendered(rod, tmp_path):
     assert {pose_of("rod", "wrist_wide", data.features), "label.mouth"} <= set(data.features)
     shown = np.unique(data.episode(0)["label.parts.wrist_wide"])
     assert 1 + data.parts.index("rod") in shown and 1 + data.parts.index("socket") in shown
+    export(tmp_path / "frames", tmp_path / "bop", "bop")  # what a pose estimator needs of both: masks and a surface
+    named = json.loads((tmp_path / "bop/dataset_info.json").read_text())["objects"].values()
+    assert sorted((o["name"], o["frame"]) for o in named) == [("rod", "rod"), ("socket", "mouth")]
+    assert {p.name for p in (tmp_path / "bop/train/000000/mask_visib").glob("000000_*")} == {
+        "000000_000000.png",
+        "000000_000001.png",
+    }
+    assert len(list((tmp_path / "bop/models").glob("*.ply"))) == 2

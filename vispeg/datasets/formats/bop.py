@@ -23,7 +23,7 @@ from vispeg.datasets.layout import colour_of, depth_of, pose_of
 from vispeg.datasets.read import Dataset
 from vispeg.render.cameras.camera import Camera, rotation
 
-FIXTURE = "fixture"  # the part with the goal
+FIXTURE = "fixture"  # the part with the goal, where no mesh tells
 MM = 1000.0  # mm in a metre
 Things = Mapping[int, tuple[str, str]]  # number -> part, name of its pose
 
@@ -31,7 +31,8 @@ Things = Mapping[int, tuple[str, str]]  # number -> part, name of its pose
 def objects(data: Dataset) -> Things:
     """Return object number -> (part, name of its pose), one object for each pose that is labelled.
 
-    A pose that is not named after a part is the goal's, and belongs to the fixture.
+    A pose that is not named after a part is the goal's. It belongs to the part that has a mesh and no pose of its own.
+
     Raises:
         UserError: the dataset has no pose.
     """
@@ -39,7 +40,9 @@ def objects(data: Dataset) -> Things:
     names = [key.split(".")[1] for key in poses if data.features[key].get("shape") == [7]]
     if not names:
         raise UserError("has no pose of an object, which BOP requires", file=data.folder, key="label.NAME")
-    things = [(name if name in data.parts else FIXTURE, name) for name in dict.fromkeys(names)]
+    others = [part for part in data.models if part not in names]
+    fixture = others[0] if len(others) == 1 else FIXTURE
+    things = [(name if name in data.parts else fixture, name) for name in dict.fromkeys(names)]
     return dict(enumerate(things, start=1))
 
 
