@@ -11,6 +11,8 @@ from gymnasium.utils.env_checker import check_env
 import vispeg
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
+from vispeg.render.backends.backend import Renderer
+from vispeg.sim.compiled import compiled
 from vispeg.task.environments.replay import replay
 from vispeg.task.environments.vector import episode_seed
 from vispeg.task.peg.task import PegInHoleVec
@@ -292,6 +294,31 @@ def test_a_mistake_in_a_world_file_still_names_the_file(tmp_path):
     (tmp_path / "w.yaml").write_text("format: vispeg-world/1\ntask: {clearance_mm: -1.0}\n")
     with pytest.raises(UserError, match=r"w\.yaml: .*clearance_mm"):
         PegInHoleVec(2, world=tmp_path / "w.yaml", steps=5)
+
+
+def test_pictures_show_parts_where_their_springs_let_them():
+    """A renderer's model lacks the springs' joints; in contact it put the parts 0.8 mm aside."""
+    soft = World().add(
+        EffectInstance.of("fixture_compliance", "fixture", x=5e-4, z=5e-4, roll=0.01, pitch=0.01),
+        EffectInstance.of("peg_grasp_compliance", "peg", x=5e-4, y=5e-4, roll=0.02, pitch=0.02),
+        EffectInstance.of("gripper_slip", "peg", grip=0.3),
+    )
+    env = PegInHoleVec(1, RandomizedWorld(base=soft))
+    env.reset(seed=[1])
+    scene, cell = env.sim.scene, env.sim.cell
+    deflected = []
+    with Renderer(scene, (), "raycast") as renderer:
+        for action in actions(1, 40, 5):
+            env.step(action)
+            cell.batch.forward()  # sites of the present joints
+            state = env.sim.snapshot(0)
+            renderer.render(state.qpos, state.bodies)
+            for site, name in ((scene.tip_site, "tip"), (scene.goal, "goal")):
+                drawn = renderer.data.site(site)
+                np.testing.assert_allclose(drawn.xpos, cell.site_position(name)[0], atol=1e-9)
+                np.testing.assert_allclose(drawn.xmat.reshape(3, 3), cell.site_rotation(name)[0], atol=1e-9)
+            deflected.append(np.abs(cell.qpos[0, compiled(scene).nq :]).max())
+    assert max(deflected) > 3e-4, "it was pressed"
 
 
 def test_the_ground_truth_is_only_there_where_it_is_asked_for():

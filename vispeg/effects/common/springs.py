@@ -9,7 +9,7 @@ that the solver, whose tolerance is relative to the mean inertia, would become i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import mujoco
@@ -66,6 +66,52 @@ def write(fields: Any, prefix: str, p: Values) -> None:
         kind, dof = AXES[axis][0], int(joint.dofadr[0])
         set_to = coefficients(kind, np.maximum(value[rows, 0], LOCKED[kind]))
         stiffness[rows, joint.id], armature[rows, dof], damping[rows, dof] = set_to
+
+
+def sprung(model: mujoco.MjModel, own: int, body: int, pose: np.ndarray, qpos: np.ndarray) -> np.ndarray:
+    """Return where springs put a body: its pose (7,) in its parent, for a model that does not have their joints.
+
+    Args:
+        model: the model with springs, whose joints come last.
+        own: number of positions of the model without them.
+        body: id of the body.
+        pose: (7,) of the body in its parent, m and w x y z, with all joints at rest.
+        qpos: (nq,) m and rad.
+
+    Returns:
+        A pose (7,) from which the body's own joints lead to where it is.
+    """
+    first = int(model.body_jntadr[body])
+    joints = range(first, first + int(model.body_jntnum[body]))
+    before = [j for j in joints if model.jnt_qposadr[j] < own]
+    if len(before) == len(joints):
+        return pose
+    pos, quat, back_pos, back_quat = np.empty(3), np.empty(4), np.empty(3), np.empty(4)
+    moved, rest = _through(model, joints, pose, qpos), _through(model, before, np.eye(7)[3], qpos)
+    mujoco.mju_negPose(back_pos, back_quat, rest[:3], rest[3:])
+    mujoco.mju_mulPose(pos, quat, moved[:3], moved[3:], back_pos, back_quat)
+    return np.concatenate([pos, quat])
+
+
+def _through(model: mujoco.MjModel, joints: Iterable[int], pose: np.ndarray, qpos: np.ndarray) -> np.ndarray:
+    """Return a body's pose (7,) after these slides and hinges of it, from the pose (7,) before them."""
+    pos, quat = pose[:3].copy(), pose[3:].copy()
+    for j in joints:
+        size = qpos[model.jnt_qposadr[j]] - model.qpos0[model.jnt_qposadr[j]]
+        if model.jnt_type[j] == SLIDE.value:
+            pos += size * _turned(model.jnt_axis[j], quat)
+            continue
+        anchor, step, turn = pos + _turned(model.jnt_pos[j], quat), np.empty(4), np.empty(4)
+        mujoco.mju_axisAngle2Quat(step, model.jnt_axis[j], float(size))
+        mujoco.mju_mulQuat(turn, quat, step)
+        pos, quat = anchor - _turned(model.jnt_pos[j], turn), turn
+    return np.concatenate([pos, quat])
+
+
+def _turned(vector: np.ndarray, quat: np.ndarray) -> np.ndarray:
+    out = np.empty(3)
+    mujoco.mju_rotVecQuat(out, vector, quat)
+    return out
 
 
 def compliances(texts: Mapping[str, str]) -> dict[str, Param]:

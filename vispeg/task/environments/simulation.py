@@ -11,6 +11,7 @@ import numpy as np
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
+from vispeg.effects.common.springs import sprung
 from vispeg.interface.observer import DOWN, RECENT, Observer
 from vispeg.interface.terms import policy_part
 from vispeg.render.image_kinds import GOAL_TOLD, MODES
@@ -398,12 +399,15 @@ class TaskSimulation:
         return Snapshot(qpos, qvel, self.bodies(row), int(self.count[row]))
 
     def bodies(self, row: int) -> dict[str, np.ndarray]:
-        """Return the poses of a row's fixture and held part in their parent bodies: name -> (7,) m and wxyz."""
-        out = {}
+        """Return the poses of a row's fixture and held part in their parent bodies: name -> (7,) m and wxyz.
+
+        The springs on which a world hangs them are included, since a renderer's model lacks their joints.
+        """
+        out, own = {}, compiled(self.scene).nq
         for name in (self.scene.fixture, self.scene.held):
             body = self.cell.model.body(name).id
             pos, quat = self.cell.batch.expanded("body_pos"), self.cell.batch.expanded("body_quat")
             pos = self.cell.model.body_pos[body] if pos is None else pos[row, body]
             quat = self.cell.model.body_quat[body] if quat is None else quat[row, body]
-            out[name] = np.concatenate([pos, quat])
+            out[name] = sprung(self.cell.model, own, body, np.concatenate([pos, quat]), self.cell.qpos[row])
         return out
