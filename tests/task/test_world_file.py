@@ -348,6 +348,12 @@ def test_a_wrong_entry_is_one_clear_line(case, world):
         ({"model": "nowhere.yaml"}, "nowhere.yaml: no such file"),
         ({"cameras": {"external": 3}}, "a camera file"),
         ({"cameras": {"external": "nowhere.yaml"}}, "no such camera file"),
+        (
+            {"cameras": {"external": {"wdth": 64}}},
+            "cameras.external.wdth: unknown key; got 'wdth' (did you mean 'width'?)",
+        ),
+        ({"cameras": {"mine": {"width": "64"}}}, "cameras.mine: camera 'mine' has an impossible width"),
+        ({"cameras": {"mine": {"name": "other"}}}, "cameras.mine.name: unknown key"),
         ({"renderer": {"backend": "opengl"}}, "raycast"),
         ({"renderer": {"shadows": 1}}, "true"),
         ({"name": 3}, "a text"),

@@ -44,7 +44,7 @@ def task_cameras(scene: Scene, task: TaskConfig, stated: Mapping[str, Any]) -> t
             `external` for any other name).
 
     Raises:
-        UserError: no camera of that name, a file as `load_camera` refuses it, or a key that no camera has.
+        UserError: no camera of that name, or a file as `load_camera` refuses it.
     """
     by_name = {c.name: c for c in standard_cameras(scene.tip, scene.target)}
     usual = dict(by_name)
@@ -52,10 +52,7 @@ def task_cameras(scene: Scene, task: TaskConfig, stated: Mapping[str, Any]) -> t
         if isinstance(change, str):
             by_name[name] = load_camera(change, usual, name)
         else:
-            try:
-                by_name[name] = usual.get(name, usual["external"]).moved(name=name, **change)
-            except TypeError as error:
-                raise UserError(f"unknown key of a camera ({error})", key=f"cameras.{name}", got=list(change)) from None
+            by_name[name] = usual.get(name, usual["external"]).moved(name=name, **change)
     for name in task.cameras:
         if name not in by_name:
             raise UserError("unknown camera", key="cameras", got=name, choices=by_name)

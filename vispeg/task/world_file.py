@@ -20,6 +20,8 @@ from vispeg.core.errors import UserError
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import is_file, read_bytes
 from vispeg.formats.yaml_data import read_yaml
+from vispeg.render.cameras.camera import FIELDS
+from vispeg.render.cameras.standard import standard_cameras
 from vispeg.robots.scene import Scene
 from vispeg.task.config import TaskConfig
 from vispeg.task.registry import config_of, digest_of, kind_of, task_of
@@ -41,6 +43,7 @@ FILES = 100  # greatest number of files of a world; bases that name bases could 
 # field does not enter the hash, so that those hashes stay valid. Add every new field here.
 LATER = ("name", "fixture", "block", "success_lateral", "success_force", "reward", "robot", "avoid_limits")
 LATER += ("guard_velocity", "guard_limit", "guard_singularity", "distractor_meshes")
+CHANGED = FIELDS[1:]  # what a world may change of a standard camera: all but its name
 RENDERER = {"backend": ("auto", "classic", "raycast", "filament"), "shadows": (False, True)}
 
 
@@ -334,14 +337,21 @@ def _typed(value: Any, kind: type, path: Path, key: str) -> Any:
 
 
 def _cameras(section: Any, path: Path) -> Mapping[str, Any]:
-    """Read `cameras`; paths are seen from the file's folder and made absolute. `eyes.task_cameras` checks mappings."""
-    out = {}
+    """Read `cameras`; paths are seen from the file's folder and made absolute. Mappings must make a possible camera."""
+    out, usual = {}, {camera.name: camera for camera in standard_cameras()}
     for name, camera in _typed(section, Mapping, path, "cameras").items():
         if not isinstance(camera, str | Mapping):
             expected = "a camera file or a mapping"
             raise UserError("wrong camera", file=path, key=f"cameras.{name}", expected=expected, got=camera)
         if isinstance(camera, str) and not is_file(_beside(camera, path)):
             raise UserError("no such camera file", file=path, key=f"cameras.{name}", got=camera)
+        for key in camera if isinstance(camera, Mapping) else ():
+            if key not in CHANGED:
+                raise UserError("unknown key", file=path, key=f"cameras.{name}.{key}", got=key, choices=CHANGED)
+        try:  # where a standard camera stands depends on the cell, but not whether these changes are possible
+            usual.get(str(name), usual["external"]).moved(name=str(name), **({} if isinstance(camera, str) else camera))
+        except UserError as error:
+            raise UserError(str(error), file=path, key=f"cameras.{name}") from error
         out[str(name)] = _placed(camera, path) if isinstance(camera, str) else dict(camera)
     return out
 
