@@ -28,7 +28,8 @@ PLAIN = Format(
 WHOLE, CAMERAS = "dataset.json", "cameras.yaml"
 README = """One folder per episode: frames.csv (one line per frame; positions in m, velocities in m/s, forces in N,
 torques in N m, quaternions w x y z), episode.json (seeds, outcome, drawn parameters), and pictures NAME-FRAME.png.
-Depth has 16 bits, 0.1 mm per step, and 0 for no reading. Pictures of parts hold the number of the visible part.
+Depth has 16 bits, 0.1 mm per step, 0 for no reading, and 4 m for what is 4 m away or farther. Pictures of parts hold
+the number of the visible part.
 cameras.yaml holds the nominal cameras; dataset.json the features, parts and totals.
 """
 LONGEST = 100_000  # most frames of an episode
