@@ -108,10 +108,13 @@ def calibrate(
         raise UserError(
             "with known intrinsics and no poses there is nothing to find", expected="--poses, or no --intrinsics"
         )
+    of_markers = (("--marker", marker), ("--legacy", legacy), ("--dictionary", dictionary if board != "tag" else None))
+    if board != "charuco" and (given := [key for key, value in of_markers if value]):
+        raise UserError("applies only to a ChArUco board", key=given[0], expected="--board charuco", got=board)
     if board == "tag":
-        if pattern or marker:
-            given = "--pattern" if pattern else "--marker"
-            raise UserError("does not apply to a tag", key=given, expected="--square, the side of its black frame, m")
+        if pattern:
+            expected = "--square, the side of its black frame, m"
+            raise UserError("does not apply to a tag", key="--pattern", expected=expected)
         printed = rooms.Board("tag", 1, 1, square, 0.0, dictionary or "DICT_APRILTAG_36h11", tag=tag)
         printed = the_tag(taken.files, printed)
     else:
