@@ -149,6 +149,22 @@ def test_a_hopeless_world_takes_its_best_look_and_says_so(renderer):
     assert best < 1 and len(fixed) == 5 and best == pytest.approx(max(tried), rel=0.05)
 
 
+def test_what_no_look_can_show_is_not_asked_for_and_the_rest_is_told_apart():
+    """From afar the narrow camera on the wrist shows no fixture: peg and table are still told apart, in few tries."""
+    far = {SCENE.fixture: np.array([0.6, 0.2, 0.05])}
+    crop = standard_cameras(SCENE.tip, SCENE.target)[1]
+    with Renderer(SCENE, [crop], labels=True) as narrow:
+        counts = []
+        for seed in range(8):
+            drawn, redraws = redraw(look(), SCENE, narrow, seed, qpos=ABOVE, bodies=far)
+            shots = narrow.render()
+            assert not len(measure(shots, narrow.cameras, SCENE)["fixture"])
+            assert contrast(shots, narrow.cameras, SCENE) == 0
+            assert contrast(shots, narrow.cameras, SCENE, small={"fixture"}) == 1
+            counts.append(redraws)
+    assert 0 < sum(counts) and max(counts) < 20
+
+
 def test_a_look_is_judged_as_the_camera_delivers_it(renderer):
     """Of two levels of light the bright one is dazzling, unless a short exposure makes the dim one black."""
     parts = grey(peg=0.2, fixture=0.4, table=0.75)

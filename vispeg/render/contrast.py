@@ -9,7 +9,7 @@ sampled again; physics, cameras and sensors of an episode stay as its seed gives
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -61,7 +61,13 @@ def lab(rgb: np.ndarray) -> np.ndarray:
     return np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
 
 
-def contrast(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene, rule: Rule | None = None) -> float:
+def contrast(
+    shots: Mapping[str, Shot],
+    cameras: Sequence[Camera],
+    scene: Scene,
+    rule: Rule | None = None,
+    small: Collection[str] = (),
+) -> float:
     """Return how well held part, fixture, its mouth and background can be distinguished, 0 to 1; 1 meets the rule.
 
     The score is the least of these, each divided by what the rule requires: colour distances, numbers of visible
@@ -73,22 +79,35 @@ def contrast(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene,
         cameras: the cameras that took them.
         scene: the scene, whose parts the segmentation numbers from 1, in their order.
         rule: the requirements; default: `Rule()`.
+        small: which of held part, fixture and background no look can show larger; they may have fewer pixels, or none.
     """
     rule = rule or Rule()
     colours = measure(shots, cameras, scene)
     score = 1.0
-    for name in (scene.held, scene.fixture, BACKGROUND):
+    for name in _judged(scene):
         of_part = colours[name]
         if not len(of_part):
+            if name in small:
+                continue
             return 0.0
         usable = float(np.mean((of_part[:, 0] > DARK) & (of_part[:, 0] < BRIGHT)))
-        score = min(score, len(of_part) / rule.pixels, usable / (1 - rule.lost))
+        score = min(score, 1.0 if name in small else len(of_part) / rule.pixels, usable / (1 - rule.lost))
     pairs = ((scene.held, scene.fixture), (scene.held, BACKGROUND), (scene.fixture, BACKGROUND), (scene.goal, RIM))
     for a, b in pairs:
         if len(colours[a]) and len(colours[b]):
             apart = float(np.linalg.norm(colours[a].mean(axis=0) - colours[b].mean(axis=0)))
             score = min(score, apart / (rule.mouth if a == scene.goal else rule.distance))
     return score
+
+
+def _judged(scene: Scene) -> tuple[str, str, str]:
+    return scene.held, scene.fixture, BACKGROUND
+
+
+def _too_small(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene, rule: Rule) -> set[str]:
+    """Return which of held part, fixture and background have fewer pixels in these shots than the rule requires."""
+    colours = measure(shots, cameras, scene)
+    return {name for name in _judged(scene) if len(colours[name]) < rule.pixels}
 
 
 def measure(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene) -> dict[str, np.ndarray]:
@@ -164,7 +183,8 @@ def redraw(
 
     The first try is `world.sample(seed, scene, levels)`. Each further look has a random stream of its own, given by the
     episode's seed and the number of the try, so the result is reproducible. If none of `tries` looks meets the rule,
-    the one with the best score is kept. A world without ranges of looks is sampled once and not judged.
+    the one with the best score is kept. A part that is too small in the nominal look too, as the fixture from afar in a
+    narrow view on the wrist, need not be larger. A world without ranges of looks is sampled once and not judged.
 
     Args:
         world: the ranges to sample.
@@ -184,15 +204,24 @@ def redraw(
     others = tuple(r for r in world.ranges if r not in looks)
     renderer.restart()
     best, best_score = replace(world, ranges=others).sample(seed, scene, levels), -1.0
-    fixed, labels = best, renderer.labels
+    fixed, small, rule = best, set[str](), rule or Rule()
+
+    def shown(drawn: World) -> dict[str, Shot]:
+        """Dress the renderer, and return what its cameras deliver, with labels."""
+        dress(renderer, scene, drawn, bodies)
+        labels, renderer.labels = renderer.labels, True
+        shots = delivered(renderer.render(qpos), renderer.cameras, drawn)
+        renderer.labels = labels
+        return shots
+
     for k in range(tries if looks else 0):
         look_seed = seed if k == 0 else int(stream(seed, "look", k).integers(2**31))
         drawn = fixed.add(*RandomizedWorld(ranges=looks).sample(look_seed, scene, levels).effects)
-        dress(renderer, scene, drawn, bodies)
-        renderer.labels = True
-        shots = delivered(renderer.render(qpos), renderer.cameras, drawn)
-        renderer.labels = labels
-        score = contrast(shots, renderer.cameras, scene, rule)
+        shots = shown(drawn)
+        if k == 0 and (small := _too_small(shots, renderer.cameras, scene, rule)):
+            small &= _too_small(shown(fixed), renderer.cameras, scene, rule)
+            dress(renderer, scene, drawn, bodies)
+        score = contrast(shots, renderer.cameras, scene, rule, small)
         if score > best_score:
             best, best_score = drawn, score
         if score >= 1:
