@@ -69,6 +69,39 @@ def test_urdf_keeps_every_link_and_guesses_no_mass(tmp_path):
 
 
 @pytest.mark.parametrize(
+    "was, now",
+    [
+        ("<worldbody>", '<option timestep="0.01"><flag frictionloss="disable" damper="disable"/></option><worldbody>'),
+        ("<worldbody>", '<option iterations="1" ls_iterations="4"><flag contact="disable"/></option><worldbody>'),
+        ("<worldbody>", '<option><flag actuation="disable" constraint="disable"/></option><worldbody>'),
+        ('<joint name="k"', '<joint name="k" actuatorfrcrange="-0.5 0.5"'),
+        ('<body name="b"', '<body name="b" gravcomp="1"'),
+    ],
+)
+def test_mjcf_settings_of_its_own_scene_do_not_act(tmp_path, was, now):
+    """Torques, friction, weight and contact act on the arm as if the file did not switch off or limit them."""
+    text, states = MJCF.format(inertial=INERTIAL).replace("damping", 'frictionloss="0.3" damping'), []
+    for name, stated in (("plain", text), ("set", text.replace(was, now))):
+        spec = load(write(tmp_path, stated, f"{name}.xml")).spec()
+        ball = spec.worldbody.add_body(name="ball", pos=(0.12, 0, 0.6))
+        ball.add_geom(size=(0.1, 0, 0))
+        model = spec.compile()
+        data = mujoco.MjData(model)
+        data.ctrl[:], data.qvel[:2] = (2.0, 3.0), (0.5, -0.2)
+        mujoco.mj_step(model, data, 20)
+        states.append((model.opt.timestep, data.ncon > 0, *data.qpos))
+    np.testing.assert_array_equal(*states)
+
+
+def test_mjcf_gravity_that_is_disabled_is_none(tmp_path):
+    option = '<option gravity="0 1 -9"{}</option><worldbody>'
+    text = MJCF.format(inertial=INERTIAL)
+    for flag, gravity in ((">", (0, 1, -9)), ('><flag gravity="disable"/>', (0, 0, 0))):
+        arm = load(write(tmp_path, text.replace("<worldbody>", option.format(flag)), "g.xml"))
+        np.testing.assert_array_equal(arm.compile().opt.gravity, gravity)
+
+
+@pytest.mark.parametrize(
     "stated, low, high", [('upper="2"', 0, 2), ('lower="-1"', -1, 0), ('lower="" upper="2"', 0, 2)]
 )
 def test_urdf_limit_that_is_missing_is_zero(tmp_path, stated, low, high):

@@ -200,6 +200,7 @@ def _motor(spec: mujoco.MjSpec, joint: str) -> None:
     motor.set_to_motor()
     motor.gear = [1, 0, 0, 0, 0, 0]
     motor.ctrllimited = motor.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
+    spec.joint(joint).actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE  # drives saturate by effects alone
 
 
 def _flange(spec: mujoco.MjSpec, model: mujoco.MjModel, last: int) -> str:

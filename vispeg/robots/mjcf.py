@@ -1,22 +1,27 @@
-"""Read a user's MJCF as an arm: remove its actuators, sensors and keyframes, and keep the rest."""
+"""Read a user's MJCF as an arm: keep its bodies, joints and shapes, not how its own scene drives and simulates them."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.notes import note
 from vispeg.formats.guard import is_file
 from vispeg.robots.arm import REFUSALS, compiled
 from vispeg.robots.resources import check_resources
+
+AROUND = ("gravity", "wind", "density", "viscosity")  # options that describe what is around the arm
 
 
 def read_mjcf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]]:
     """Return the arm as a spec without actuators, and {joint: (torque limit in N m, inf)} from the removed actuators.
 
-    Damping, armature and friction of the file are kept. Missing meshes, height fields and textures are dropped; geoms
-    of missing meshes and height fields are dropped too.
+    Damping, armature and friction of the file are kept. Flags and settings of its solver are not, since they would
+    switch effects off; nor is its gravity compensation, which a recording's controller states. Missing meshes, height
+    fields and textures are dropped; geoms of missing meshes and height fields are dropped too.
 
     Raises:
         UserError: the file is refused by `check_resources` or by MuJoCo, or the mass of a body other than the world
@@ -30,11 +35,32 @@ def read_mjcf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
     # the sizes in the file are for its own scene
     spec.memory, spec.nuserdata, spec.nkey, spec.njmax, spec.nconmax = -1, 0, 0, -1, -1
     _strip(spec, path)
+    _own_options(spec)
+    _weighed(spec, path)
     limits = _limits(spec, path)
     for group in (spec.actuators, spec.sensors, spec.keys):  # they depend on elements that are replaced
         for element in list(group):
             spec.delete(element)
     return spec, limits
+
+
+def _own_options(spec: mujoco.MjSpec) -> None:
+    """Set all options but those of `AROUND` to MuJoCo's defaults; gravity that is disabled is zero."""
+    option, usual = spec.option, mujoco.MjSpec().option
+    if option.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY:
+        option.gravity = np.zeros(3)
+    for name in (n for n in dir(usual) if not n.startswith("_") and n not in AROUND):
+        setattr(option, name, getattr(usual, name))
+
+
+def _weighed(spec: mujoco.MjSpec, path: Path) -> None:
+    """Let all bodies have their weight; a note names those whose weight the file compensates."""
+    held = [body for body in spec.bodies if body.gravcomp]
+    for body in held:
+        body.gravcomp = 0.0
+    if held:
+        what = "gravcomp is left out, as the controller of a recording states whether weight is compensated"
+        note(f"{path}: {what}: {', '.join(body.name or 'a body without a name' for body in held)}")
 
 
 def _strip(spec: mujoco.MjSpec, path: Path) -> None:

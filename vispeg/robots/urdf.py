@@ -61,7 +61,6 @@ def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
         raise UserError(f"MuJoCo cannot read it: {error}", file=path) from error
     for joint in spec.joints:
         joint.damping, joint.frictionloss = [0.0, 0.0, 0.0], 0.0
-        joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
         body = joint.parent
         if body.mass == 0.0:
             body.mass, body.explicitinertial = SPECK[0], True
