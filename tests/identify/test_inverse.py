@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from loops import SWING, iiwa_segment, pendulum, recorded
+from loops import ARM, SWING, iiwa_segment, pendulum, recorded
 
 from vispeg.channels.channel import CHANNELS, How
 from vispeg.core.effect import EffectInstance, searchable
@@ -21,6 +21,7 @@ from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled
+from vispeg.sim.external import needed
 from vispeg.worlds.world import World
 
 REGISTRY = searchable()  # what an arm alone can show
@@ -52,6 +53,27 @@ def test_nominal_torque_is_mujocos_inverse(evidence):
             data.qpos[:], data.qvel[:], data.qacc[:] = item.segment.q[k], item.segment.dq[k], ddq[k]
             mujoco.mj_inverse(model, data)
             np.testing.assert_allclose(predicted[0, k], data.qfrc_inverse, atol=1e-8)
+
+
+def test_springs_and_damping_of_a_file_act_as_mujocos(tmp_path):
+    """Polynomials too; also in the torques that an arm in contact needs."""
+    (tmp_path / "arm.xml").write_text(
+        ARM.replace("<joint", '<joint damping="1 .7 .3" stiffness="4 3 2" springref=".5"')
+    )
+    robot, time = load(tmp_path / "arm.xml"), np.arange(600) / 200.0
+    q = np.stack([np.sin(3.0 * time), np.cos(2.0 * time)], axis=1)
+    read = {"tau": np.zeros_like(q), "torque_sensor": "motor"}
+    rec = Recording(tmp_path, robot.source, robot.joints, 200.0, Control("unknown", 200.0), time, q, **read)
+    evidence = TorqueEvidence([rec])
+    (seg,), ddq = [item.segment for item in evidence.items], accelerations(evidence.items[0])
+    model = robot.compile()
+    data, expected = mujoco.MjData(model), np.empty_like(ddq)
+    for k in range(len(ddq)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = seg.q[k], seg.dq[k], ddq[k]
+        mujoco.mj_inverse(model, data)
+        expected[k] = data.qfrc_inverse
+    np.testing.assert_allclose(evidence.simulated([World()])[0][0], expected, atol=1e-8)
+    np.testing.assert_allclose(needed(robot, seg.q, seg.dq, ddq), expected, atol=1e-8)
 
 
 def test_nominal_torque_is_what_the_sensor_read(evidence):

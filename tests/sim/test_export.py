@@ -307,3 +307,14 @@ def test_a_turned_body_is_turned_also_if_its_orientation_was_stated_by_angles():
     for robot in (scene, replace(scene, build=stated_by_angles)):
         turns.append(compiled_with(world, robot)[0].body("fixture").quat)
     assert np.allclose(*turns, atol=1e-9) and turns[0][1] == pytest.approx(0.01, rel=1e-3)
+
+
+def test_higher_coefficients_of_damping_and_springs_stay_beside_an_effect(tmp_path):
+    path = tmp_path / "sprung.xml"
+    path.write_text(SPRUNG.replace('stiffness="20"', 'stiffness="20 5 2" damping="1 .7 .3"'))
+    effects = [EffectInstance.of("viscous_friction", "all", damping=2.0)]
+    effects += [EffectInstance.of("cable_spring", "all", stiffness=3.0, reference=0.5)]
+    model = compiled_with(World(str(path)).add(*effects))[0]
+    assert np.array_equal(model.dof_damping, [2.0, 3.0]) and np.array_equal(model.jnt_stiffness, [3.0, 23.0])
+    assert np.array_equal(model.dof_dampingpoly, [[0.0, 0.0], [0.7, 0.3]])
+    assert np.array_equal(model.jnt_stiffnesspoly, [[0.0, 0.0], [5.0, 2.0]])

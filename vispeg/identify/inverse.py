@@ -126,8 +126,11 @@ class TorqueEvidence(Evidence):
             a.effect.write(fields, a.p)
         dof, joint, spring = fields.dofs, fields.joints, fields.qposes
         load = self._links(i, world) - compiled(robot).dof_armature[dof] * ddq
-        load += fields["jnt_stiffness"][0, joint] * (seg.q - fields["qpos_spring"][0, spring])
-        needed = load + fields["dof_armature"][0, dof] * ddq + fields["dof_damping"][0, dof] * seg.dq
+        wound, (soft, stiff) = seg.q - fields["qpos_spring"][0, spring], compiled(robot).jnt_stiffnesspoly[joint].T
+        load += wound * (fields["jnt_stiffness"][0, joint] + wound * (soft + wound * stiff))
+        speed, (square, cube) = np.abs(seg.dq), compiled(robot).dof_dampingpoly[dof].T
+        drag = seg.dq * (fields["dof_damping"][0, dof] + speed * (square + speed * cube))
+        needed = load + fields["dof_armature"][0, dof] * ddq + drag
         x = DriveState(1e-3, 1e-3, seg.q, seg.dq, ddq, load, np.ones_like(needed))
         dry = np.broadcast_to(fields["dof_frictionloss"][0, dof], needed.shape).copy()
         loop = EffectLoop(active)

@@ -42,7 +42,7 @@ NUMBERS = {  # mjModel field -> kind of element and attribute, for fields that m
     "body_pos": ("body", "pos"),
     "body_quat": ("body", "quat"),
 }
-POLYNOMIAL = ("damping", "stiffness")  # attributes of which only the first coefficient is used
+POLYNOMIAL = ("damping", "stiffness")  # attributes of which effects change the first coefficient alone
 INERTIAL = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
 OPTIONS = ("opt.gravity", "opt.iterations")
 QUAT = mujoco.mjtOrientation.mjORIENTATION_QUAT  # a file may state an orientation in another way, which wins
@@ -135,7 +135,9 @@ def _numbers(spec: mujoco.MjSpec, plant: Plant) -> None:
                 number = np.degrees(number)
             if attribute == "quat":
                 element.alt.type = QUAT
-            setattr(element, attribute, [float(number), 0.0, 0.0] if attribute in POLYNOMIAL else number)
+            if attribute in POLYNOMIAL:
+                number = [float(number), *getattr(element, attribute)[1:]]
+            setattr(element, attribute, number)
     _inertials(spec, model, {field: value(field) for field in INERTIAL})
     if (gravity := value("opt.gravity")) is not None:
         spec.option.gravity = gravity.reshape(3)

@@ -108,11 +108,11 @@ def needed(arm: RobotModel, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> n
         some = slice(start, start + ARMS)
         batch = mjb.Batch(model, len(q[some]), nthread=1)
         batch.bind("qpos")[:, places], batch.bind("qvel")[:, dofs] = q[some], dq[some]
-        bias, mass = batch.bind("qfrc_bias"), batch.bind("M")
+        bias, passive, mass = batch.bind("qfrc_bias"), batch.bind("qfrc_passive"), batch.bind("M")
         batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
         full = dense(model, mass)[:, dofs][:, :, dofs]
-        out[some] = np.einsum("nij,nj->ni", full, ddq[some]) + bias[:, dofs]
-    return out + model.dof_damping[dofs] * dq
+        out[some] = np.einsum("nij,nj->ni", full, ddq[some]) + (bias - passive)[:, dofs]
+    return out
 
 
 def flange_jacobian(arm: RobotModel, q: np.ndarray) -> np.ndarray:
