@@ -2,7 +2,10 @@
 
 import pytest
 
+from vispeg.core.effect import effect
+from vispeg.robots.model import load
 from vispeg.worlds.model_file import load_model
+from vispeg.worlds.places import values
 
 
 def test_add_then_replace_then_keep(vispeg, tmp_path):
@@ -17,6 +20,24 @@ def test_add_then_replace_then_keep(vispeg, tmp_path):
     was, now = b.effects[0].params, c.effects[0].params
     assert len(c.effects) == 2 and c.effects[1] == b.effects[1]
     assert now["velocity"].value == pytest.approx(0.1) and now["coulomb"] == was["coulomb"]
+
+
+def test_one_place_of_all(vispeg, tmp_path):
+    """What is stated of one joint acts there, whether or not the model has the effect in all; the rest stays."""
+    asked = [
+        ("joint4", ["excess=2"]),
+        ("all", ["coulomb=1", "velocity=0.2"]),
+        ("joint4", ["excess=3"]),
+        ("joint5", ["excess=4"]),
+    ]
+    model = "iiwa14"
+    for where, stated in asked:
+        args = [model, "stribeck_friction", where, "--set", *stated, "--out", "m.yaml", "--overwrite"]
+        assert vispeg("add", *args)[0] == 0
+        model = "m.yaml"
+    p = values(effect("stribeck_friction"), [load_model(tmp_path / model).effects], load("iiwa14"))
+    assert p["excess"].tolist() == [[0, 0, 0, 3, 4, 0, 0]]
+    assert p["coulomb"].tolist() == [[1] * 7] and p["velocity"].tolist() == [[0.2] * 7]
 
 
 def test_the_given_file_is_not_touched(vispeg, refused, tmp_path):

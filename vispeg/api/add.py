@@ -20,6 +20,7 @@ from vispeg.task.belief import robot_of_world
 from vispeg.worlds.identified import constant, without_interval
 from vispeg.worlds.measurement_file import load_measurement
 from vispeg.worlds.model_file import load_model, placed_dict, write_model
+from vispeg.worlds.places import acts_on
 from vispeg.worlds.words import completed, place, values
 from vispeg.worlds.world import World
 
@@ -107,9 +108,9 @@ def _stated(name: str, where: str | None, settings: Sequence[str], world: World,
     if where is None:
         raise UserError(f"{kind.name} needs a place", expected="WHERE after it", choices=kind.targets(robot))
     at, given_values = place(kind, where, robot), values(kind, settings)
-    here = [e for e in world.effects if (e.effect, e.where) == (name, at)]
-    if here:
-        return here[0].with_values(**given_values)
+    here = [e for e in world.effects if e.effect == name and acts_on(e.where, [at])]
+    if here:  # of two at one place the later one counts
+        return replace(here[-1], where=at).with_values(**given_values)
     return EffectInstance.of(name, at, **completed(kind, given_values))
 
 

@@ -10,6 +10,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.recordings.cell import CellBelief
 from vispeg.robots.model import check_name
+from vispeg.worlds.places import ALL
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,8 @@ class World:
     def add(self, *effects: EffectInstance | str, **values: float) -> World:
         """Return this world with effects added; each replaces one of the same name at the same place.
 
+        It acts there also if the world has that effect at `all`, of which the later one counts (`places.values`).
+
         Args:
             effects: instances; or the name of one effect and its place, as in `add("payload", "flange", mass=1.2)`.
             values: parameters of that one effect; the others are null (shape parameters `start`).
@@ -51,7 +54,12 @@ class World:
             raise UserError("one effect by its name and its place", expected=expected, got=effects)
         if names:
             placed = [EffectInstance.of(*names, **values)]
-        new = {(e.effect, e.where): e for e in (*self.effects, *placed)}
+        new = {(e.effect, e.where): e for e in self.effects}
+        for e in placed:
+            at, order = (e.effect, e.where), [*new]
+            if at in new and (e.effect, ALL) in order[order.index(at) + 1 :]:
+                del new[at]  # it moves to the end, as the effect at all places would act in its stead
+            new[at] = e
         return replace(self, effects=tuple(new.values()))
 
     def over(self, stated: Sequence[EffectInstance]) -> World:
