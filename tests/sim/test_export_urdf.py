@@ -11,6 +11,7 @@ from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.robots.model import load
+from vispeg.sim.compiled import flange_pose
 from vispeg.sim.export import compiled_with
 from vispeg.worlds.world import World
 
@@ -98,6 +99,18 @@ def test_a_pose_that_a_file_states_at_another_angle_than_zero(tmp_path):
         mujoco.mj_kinematics(model, data)
         middles.append(data.xipos[-2:].copy())
     assert np.allclose(*middles, atol=1e-6), "m"
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_the_flange_is_where_it_was(own, tmp_path):
+    """A tool sits at the same place of the arm that is read again."""
+    placed = '<site name="flange" pos="0 .1 .2" euler=".3 0 .5"/>'
+    (tmp_path / "own.xml").write_text(OFFSET.replace('<site name="flange"/>', placed))
+    name = str(tmp_path / "own.xml") if own else "iiwa14"
+    robot = load(name)
+    (tmp_path / "arm.urdf").write_text(to_urdf(World(name)).xml)
+    q = np.linspace(-0.5, 0.8, 3 * len(robot.joints)).reshape(3, -1)
+    assert np.allclose(flange_pose(load(tmp_path / "arm.urdf"), q), flange_pose(robot, q), atol=1e-6)
 
 
 SHAPES = """<mujoco><asset><mesh name="wedge" vertex="0 0 0 .1 0 0 0 .2 0 0 0 .3 .02 .03 .04"/></asset>

@@ -80,6 +80,7 @@ def to_urdf(world: World, meshes: str = "meshes") -> Urdf:
             _shapes(link, spec, plain, model.body(b).name, shift[b], meshes, files)
     for b in range(1, model.nbody):
         _joint(root, model, robot, b, shift)
+    _flange(root, model, robot.flange, shift)
     left_out = tuple(e for e in world.effects if e not in native)
     rotors = {n: float(a) for n in robot.joints if (a := model.dof_armature[model.joint(n).dofadr[0]]) > 0}
     xml.indent(root)
@@ -110,6 +111,19 @@ def _name(model: mujoco.MjModel, b: int) -> str:
 def _origin(parent: xml.Element, pos: np.ndarray, quat: np.ndarray) -> None:
     rpy = Rotation.from_quat(quat, scalar_first=True).as_euler("xyz")
     xml.SubElement(parent, "origin", xyz=_numbers(pos), rpy=_numbers(rpy))
+
+
+def _flange(root: xml.Element, model: mujoco.MjModel, name: str, shift: np.ndarray) -> None:
+    """Add a link without mass at the site `name`, the flange, unless a link has its name."""
+    if any(link.get("name") == name for link in root.iterfind("link")):
+        return
+    site = model.site(name)
+    b = int(site.bodyid[0])
+    xml.SubElement(root, "link", name=name)
+    joint = xml.SubElement(root, "joint", name=f"{name}_fixed", type="fixed")
+    _origin(joint, site.pos - shift[b], site.quat)
+    xml.SubElement(joint, "parent", link=_name(model, b))
+    xml.SubElement(joint, "child", link=name)
 
 
 def _numbers(values: np.ndarray) -> str:
