@@ -37,6 +37,20 @@ def test_the_hidden_world_explains_the_recording_to_the_noise(rigs):
     assert rec.noise == {k: NOISE[k] for k in ("q", "dq", "tau")}
 
 
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        EffectInstance.of("payload", "flange", mass=2.0, z=0.1),
+        EffectInstance.of("cable_spring", "joint2", stiffness=20.0, reference=-1.0),
+    ],
+    ids=lambda e: e.effect,
+)
+def test_an_arm_is_in_balance_when_its_recording_begins(hidden):
+    """Whatever its effects let sag has come to rest, so that rollouts do not start in the middle of a swing."""
+    world = World().add(hidden)
+    assert chi2(simulate(world, "fourier", duration=3).recording, world) < 1.5
+
+
 def test_torque_recording_replays_its_own_commands(vispeg, tmp_path):
     args = ["--motion", "fourier", "--duration", "4", "--control", "torque", "--out", "t"]
     assert vispeg("record", "iiwa14", *args)[0] == 0

@@ -23,6 +23,7 @@ from vispeg.worlds.world import World
 
 OSC_KP, OSC_KD = 150.0, 24.0  # 1/s^2, 1/s, per unit of mass: near critical damping, 2 sqrt(150)
 NULL_KP, NULL_KD = 10.0, 6.0  # the same of the null space: near 2 sqrt(10)
+REST = 1.0  # s that an arm holds the first posture of a motion: it stands in balance when the recording begins
 PLANT_STEP = 5e-4  # s, greatest physics step of a recorded world: finer than the steps of the fits
 
 
@@ -167,10 +168,11 @@ def drive(
     want_ee: bool = False,
     sensed: ReadingNoise | None = None,
 ) -> tuple[Segment, Response]:
-    """Drive one world through a motion and return the commands and the response.
+    """Drive one world through a motion, from rest, and return the commands and the response.
 
-    The response has one row without noise, or, if `sensed` is given, a row for each row of that noise in the loop. With
-    `want_ee` it has the flange's poses too.
+    Before, the arm holds the first command for `REST` s, so that what its effects add, such as a payload's sag, has
+    come to rest. The response has one row without noise, or, if `sensed` is given, a row for each row of that noise in
+    the loop. With `want_ee` it has the flange's poses too.
 
     Raises:
         UserError: the arm does not follow (the controller is unstable with this plant), or a motion of the flange
@@ -180,13 +182,29 @@ def drive(
     # torques from a joint position loop: the same closed loop as mode `position`, with the commands known afterwards
     closed = replace(control, mode="position") if control.mode == "torque" else control
     segment = _segment(robot, motion, closed)
-    worlds = [world] * (1 if sensed is None else len(sensed.q))
-    (response,) = simulate(
-        robot, worlds, [segment], h_max=PLANT_STEP, nthread=nthread, want_ee=want_ee, reading_noise=sensed
-    )
+    worlds, rest = [world] * (1 if sensed is None else len(sensed.q)), round(REST * control.rate_hz)
+    options = {"h_max": PLANT_STEP, "nthread": nthread, "want_ee": want_ee, "reading_noise": sensed}
+    (response,) = simulate(robot, worlds, [_held(segment, rest)], **options)
     if response.diverged.any():
         raise UserError("the arm does not follow: the loop is unstable", expected="lower gains or a higher rate")
-    return segment, response
+    moving = {name: getattr(response, name) for name in ("q", "dq", "tau_joint", "tau_motor", "ee", "true")}
+    return segment, replace(response, **{k: None if v is None else v[:, rest:] for k, v in moving.items()})
+
+
+def _held(segment: Segment, rest: int) -> Segment:
+    """Return the segment with its first command held, at rest, for `rest` ticks before it."""
+
+    def before(values: np.ndarray, still: bool = False) -> np.ndarray:
+        return np.concatenate([np.repeat(values[:1] * (not still), rest, axis=0), values])
+
+    command = {name: before(values, name == "dq_cmd") for name, values in segment.command.items()}
+    q, dq, raw, rows = (
+        before(segment.q),
+        before(segment.dq, True),
+        before(segment.q_raw),
+        np.arange(rest + segment.ticks),
+    )
+    return Segment(segment.control, segment.tick, command, q, dq, raw, rows * segment.tick, rows)
 
 
 def centre_of(robot: RobotModel) -> np.ndarray:
