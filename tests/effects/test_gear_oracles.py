@@ -59,6 +59,23 @@ def test_elasticity_without_a_rotor_shifts_the_reading_by_the_torque():
     np.testing.assert_allclose(shift[20:], compliance * lagged[20:], atol=0.04 * compliance * 2.0)
 
 
+@pytest.mark.parametrize("relaxation", [1e-3, 2e-2])
+def test_the_speed_without_a_rotor_is_read_at_the_instant_of_the_angle(relaxation):
+    """`relaxation delta' = compliance tau - delta`; a reading half a step late would be 4 mrad/s off."""
+    compliance, torque = 1e-3, smooth_push(0.5)
+    segment = drive(FLOATING, "torque", command=torque[:, None], seconds=0.5)
+    world = hinge("joint_elasticity", compliance=compliance, relaxation=relaxation)
+    y = one(FLOATING, world, segment, observer=False)
+
+    def rates(t, delta):
+        return (compliance * torque[min(int(t * 1000 + 1e-9), 499)] - delta) / relaxation
+
+    delta = solve_ivp(rates, (0, 0.5), [0.0], t_eval=segment.time, max_step=2e-4, rtol=1e-8, atol=1e-10).y[0]
+    link = np.concatenate([[0.0], np.cumsum(torque[:-1]) * 1e-3 / SWING])
+    winds = (compliance * np.concatenate([[0.0], torque[:-1]]) - delta) / relaxation
+    np.testing.assert_allclose(y.dq[0, :, 0], link + winds, atol=2e-3)
+
+
 def test_open_backlash_turns_the_rotor_alone():
     """Until the teeth have crossed the gap the link does not move and the reading follows the rotor's inertia."""
     gap, inertia, push = 0.02, 0.1, -1.0

@@ -29,7 +29,7 @@ class JointElasticity(Effect):
     }
 
     def start(self, x, p):
-        return {"theta": x.q + p["compliance"] * x.tau, "omega": x.dq.copy()}
+        return {"theta": x.q + p["compliance"] * x.tau, "omega": x.dq.copy(), "gear": x.tau.copy()}
 
     def drive(self, state, tau, x, p):
         soft = p["compliance"] > 0
@@ -37,12 +37,15 @@ class JointElasticity(Effect):
         theta, omega, gear = motor_step(
             state["theta"], state["omega"], tau, x, 0.0, compliance, p["relaxation"], p["motor_inertia"]
         )
-        state["theta"], state["omega"] = theta, omega
+        state["theta"], state["omega"], state["gear"] = theta, omega, gear
         return np.where(soft, gear, tau)
 
     def observe(self, state, q, dq, x, p):
-        soft = p["compliance"] > 0
-        return np.where(soft, q + (state["theta"] - x.q), q), np.where(soft, dq + (state["omega"] - x.dq), dq)
+        soft, wound = p["compliance"] > 0, state["theta"] - x.q
+        # without a rotor, the spring's law states how fast it winds up; `omega` is then the mean over the last step
+        massless = (p["compliance"] * state["gear"] - wound) / p["relaxation"]
+        winds = np.where(p["motor_inertia"] > 0, state["omega"] - x.dq, massless)
+        return np.where(soft, q + wound, q), np.where(soft, dq + winds, dq)
 
     def guesses(self, look):
         return [{"compliance": 5e-5}, {"compliance": 5e-5, "motor_inertia": 0.2}]
