@@ -16,16 +16,30 @@ import pytest
 from vispeg.api.inputs import read_inputs
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
+from vispeg.core.notes import Note
 from vispeg.identify.checkpoint import Trace
 from vispeg.recordings.load import load
 from vispeg.recordings.write import write
-from vispeg.worlds.model_file import load_model
+from vispeg.worlds.model_file import load_model, write_model
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
 def fitted(out: Path) -> dict:
     return json.loads((out / "fit.json").read_text())
+
+
+def test_a_model_without_a_tool_gets_that_of_its_recordings_and_another_one_is_said(rigs, tmp_path):
+    """So what is exported or recorded of a fitted model carries what it was fitted with."""
+    tool = {"mass_kg": 0.5, "com_m": [0.0, 0.0, 0.05], "inertia_kgm2": [1e-3, 1e-3, 1e-3]}
+    bare = [load(rigs[name]) for name in ("friction", "friction2")]
+    held = [replace(rec, tool=tool) for rec in bare]
+    world = read_inputs("iiwa14", held[:1], held[1:]).world
+    assert load_model(write_model(tmp_path / "m.yaml", world)).tool == tool
+    assert read_inputs("iiwa14", held[:1], bare[1:]).world.tool is None
+    assert read_inputs(world, held[:1], held[1:]).world == world
+    with pytest.warns(Note, match=f"{bare[1].name}: the recording's `tool` is not the model's"):
+        assert read_inputs(world, held[:1], bare[1:]).world == world
 
 
 def test_known_friction_comes_back_and_the_held_out_error_falls(vispeg, rigs, tmp_path):

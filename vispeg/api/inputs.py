@@ -7,6 +7,7 @@ import hashlib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import NotRequired, TypedDict
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
+from vispeg.core.notes import note
 from vispeg.core.provenance import Provenance, digest, here
 from vispeg.core.several import several
 from vispeg.recordings.frames.files import FOLDER
@@ -22,9 +24,11 @@ from vispeg.recordings.progress import Reading, silent
 from vispeg.recordings.recording import Recording, in_order
 from vispeg.recordings.schema import Header
 from vispeg.recordings.windows import SECONDS, choose, split
+from vispeg.robots.declared import declared
 from vispeg.robots.model import RobotModel
 from vispeg.robots.model import load as load_robot
 from vispeg.robots.objects import is_object
+from vispeg.robots.tools import stated
 from vispeg.sim.units import check_units
 from vispeg.task.belief import believed, cell_of, of_world
 from vispeg.task.world_file import is_world
@@ -35,6 +39,7 @@ from vispeg.worlds.world import World
 
 Model = World | str | Path
 Source = Recording | str | Path
+ToolNumbers = tuple[float, np.ndarray, np.ndarray]  # kg; centre, m; inertia, kg m^2
 
 
 @dataclass(frozen=True)
@@ -129,14 +134,14 @@ def read_inputs(
         raise UserError("not a length", key="--seconds", expected="seconds, or 0 for all", got=seconds)
     if hold_out is not None:
         whole = [_read(s, world, 0.0, signals, reading) for s in fit]
-        world = _of_recordings(world, whole)
+        world = _with_tool(_of_recordings(world, whole), whole)
         halves = [split(rec, hold_out) for rec in whole]
         fitted, held_out = (tuple(choose(rec, seconds) for rec in side) for side in zip(*halves, strict=True))
         digests = {str(_path(s)): _digest(s) for s in fit}
         ends = {f"{name}, last {hold_out:.0%}": value for name, value in digests.items()}
         return Inputs(world, fitted, held_out, (digests, ends), _files(model, world, fit), hold_out)
     fitted, held_out = (tuple(_read(s, world, seconds, signals, reading) for s in sources) for sources in (fit, judge))
-    world = _of_recordings(world, (*fitted, *held_out))
+    world = _with_tool(_of_recordings(world, (*fitted, *held_out)), (*fitted, *held_out))
     for held, path in zip(held_out, map(_path, judge), strict=True):
         for other, rec in zip(map(_path, fit), fitted, strict=True):
             if np.array_equal(held.q, rec.q, equal_nan=True):
@@ -319,3 +324,29 @@ def _of_recordings(world: World, recordings: Sequence[Recording]) -> World:
             file = rec.path / "recording.yaml"
             raise UserError("of another robot", file=file, key="robot", expected=first.robot, got=rec.robot)
     return replace(world, robot=first.robot)
+
+
+def _with_tool(world: World, recordings: Sequence[Recording]) -> World:
+    """Return an arm's model with the tool that all recordings declare, if it declares none itself.
+
+    Each recording is compared with its own tool. A note names those that declare another one than the model, or none.
+    """
+    if world.cell is not None or not recordings:
+        return world
+    carried = [None if rec.tool is None else stated(rec.tool) for rec in recordings]
+    if world.tool is None:
+        one = carried[0] is not None and all(map(partial(_same_tool, carried[0]), carried))
+        return replace(world, tool=recordings[0].tool) if one else world
+    own = declared(world.robot, world.tool)
+    mine = None if own is None else stated(own)
+    others = [rec.name for rec, tool in zip(recordings, carried, strict=True) if not _same_tool(mine, tool)]
+    if others:
+        note(f"{', '.join(others)}: the recording's `tool` is not the model's; it is compared with its own")
+    return world
+
+
+def _same_tool(one: ToolNumbers | None, other: ToolNumbers | None) -> bool:
+    """Return whether two tools have the same mass, centre and inertia, or are both none."""
+    if one is None or other is None:
+        return one is other
+    return all(np.allclose(a, b, rtol=1e-6, atol=1e-9) for a, b in zip(one, other, strict=True))
