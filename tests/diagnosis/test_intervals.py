@@ -120,3 +120,12 @@ def test_no_end_of_an_interval_moves_inwards():
         v = widened(world, [0], lambda index, name, error=error: error).effects[0].params["limit"]
         assert v.low <= 10.0 * (1 + 1e-12) and v.high >= 21.0 * (1 - 1e-12)
         assert np.log(v.high / v.value) == pytest.approx(np.hypot(np.log(21.0 / 20.0), error))
+
+
+@np.errstate(all="raise")
+def test_an_error_without_bound_widens_to_the_bounds():
+    """Also on a log scale, of which the exponential would overflow."""
+    world = one("servo", "natural_frequency", 20.0, 18.0, 22.0)
+    v = widened(world, [0], lambda index, name: 1e6).effects[0].params["natural_frequency"]
+    p = effect("servo").params["natural_frequency"]
+    assert (v.low, v.value, v.high) == (pytest.approx(p.low), 20.0, pytest.approx(p.high))

@@ -104,7 +104,8 @@ def _wider(v: Value, p: Param, error: float) -> Value:
     null = p.origin
     if p.scale == "log":
         below, above = np.log([v.value / v.low, v.high / v.value])
-        ends = v.value * np.exp([-np.hypot(below, error), np.hypot(above, error)])
+        ends = np.log(v.value) + np.array([-np.hypot(below, error), np.hypot(above, error)])
+        ends = np.exp(np.clip(ends, np.log(p.low), np.log(p.high)))
     elif v.low <= null <= v.high:
         ends = np.array([v.value - np.hypot(v.value - v.low, error), v.value + np.hypot(v.high - v.value, error)])
     else:
