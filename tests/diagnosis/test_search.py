@@ -202,6 +202,19 @@ def test_effects_are_exchanged_where_nothing_more_would_be_added(recordings):
     assert state.world == stays
 
 
+def test_the_fit_of_an_accepted_effect_goes_on_until_it_has_converged(recordings):
+    """Candidates get few steps, which are enough to choose one of them, not for the values of the model."""
+    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:])))
+    state = search.start(World(recordings[0].robot))
+    far = FRICTION.with_values(torque=5.0)
+    (fit,) = search.fits([state.world.add(far)], 0, iterations=2)
+    (loss,) = search.judge.losses([fit.world])
+    tried = Trial(Score(far, 1.0), fit, loss, search.judge.gain(state.loss, loss))
+    search.take(state, tried, [tried], 0)
+    assert not fit.converged and state.fit is not None and state.fit.converged
+    assert state.world.effects[0].params["torque"].value == pytest.approx(0.8, rel=1e-3)
+
+
 class Knowing(Search):
     """A search that tries one effect, the answer, if there is one; its fits move nothing.
 

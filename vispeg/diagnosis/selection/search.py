@@ -364,8 +364,8 @@ class Search(Loop, Shown, Proposals):
         """Add the effects of a trial, one of `trials`, to the state."""
         state.steps.append((trial.bare, [t.bare for t in trials]))
         fit, loss = trial.fit, trial.loss
-        if state.fit is not None:  # the trial took the derivatives of the earlier effects as constant
-            (fit,) = self.fits([fit.world], n_fixed, iterations=3)
+        if state.fit is not None or not fit.converged:  # the trial took earlier effects' derivatives as constant
+            (fit,) = self.fits([fit.world], n_fixed, iterations=3 if fit.converged else 8)
             loss = self.judge.losses([fit.world])[0]
         state.take(fit, loss)
         state.cross = self.cross.loss_of(fit, fit.residual)
