@@ -110,6 +110,11 @@ def test_a_tool_at_rest_weighs_the_same_where_poses_come_less_often_than_wrenche
     assert found(replace(rec, ee=np.where(seen, flange_pose(ARM, rec.q), np.nan)), tmp_path) == (TRUTH, POSTURES, ())
 
 
+def test_rests_are_as_long_as_the_times_say(tmp_path):
+    """A second at rest, whatever rate the header states."""
+    assert found(replace(carried(), rate_hz=400.0), tmp_path) == (TRUTH, POSTURES, ())
+
+
 def test_a_wrench_whose_weight_the_robot_subtracts_weighs_nothing_and_is_refused(tmp_path):
     with pytest.raises(UserError, match="wrench.tared: the robot has subtracted the tool's weight"):
         found(carried(WrenchSensor(tared="weight")), tmp_path)

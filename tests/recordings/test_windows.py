@@ -68,6 +68,18 @@ def test_windows_that_touch_stay_apart():
     assert np.ptp(np.bincount(cut.episode)) <= 1 and len(spans) == 8
 
 
+@pytest.mark.parametrize("stated", [25.0, 500.0])
+def test_the_times_count_whatever_rate_the_header_states(stated):
+    assert choose(replace(day(), rate_hz=stated), 24.0).chosen == choose(day(), 24.0).chosen
+
+
+def test_rows_that_a_logger_writes_in_bursts_hide_no_motion():
+    rec = day()
+    time = rec.time + np.tile([0.0, -0.019, -0.038, -0.057], len(rec.time) // 4)  # four rows at once, 1 ms apart
+    cut = choose(replace(rec, time=time, rate_hz=1000.0), 24.0)  # that of the median step, as convert writes it
+    assert cut.chosen is not None and 18 < cut.chosen.used_s < 25 and cut.chosen.speed > 0.95
+
+
 def test_short_recordings_are_used_whole():
     rec = day(50.0, bursts=(10.0,))
     assert choose(rec) is rec and choose(rec, 0) is rec and choose(day(), 0).chosen is None

@@ -6,7 +6,6 @@ A slide or a press begins with a second in free air, whose mean wrench is the se
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from vispeg.core.errors import UserError
 from vispeg.measure.readings import Readings
 from vispeg.recordings.cell import WrenchSensor, canonical, reaction
-from vispeg.recordings.differentiate import bridged
+from vispeg.recordings.differentiate import bridged, episodes, usual_rate
 from vispeg.recordings.load import load
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import load as load_robot
@@ -47,7 +46,7 @@ def at_rest(paths: Sequence[Path]) -> Readings:
         if rec.wrench is not None and rec.wrench.tared == "weight":
             what, expected = "the robot has subtracted the tool's weight", "readings that contain it: false or true"
             raise UserError(what, file=path / "recording.yaml", key="wrench.tared", expected=expected, got="weight")
-        length = max(2, round(REST * rec.rate_hz))
+        length = max(2, round(REST * _rate(rec)))
         rests = _rests(bridged(rec.time, rec.q, rec.episode), length)
         if not rests:
             raise UserError(f"never rests for {REST:g} s", file=path, expected="an attitude that is held")
@@ -89,7 +88,7 @@ def slides(paths: Sequence[Path]) -> Readings:
         rec, read, position, turn = _opened(path)
         force, moved = _unbiased(rec.time, read, path), np.gradient(position, rec.time, axis=0)
         across = turn.inv().apply(moved)[:, :2]  # velocity along z is pressing, not sliding
-        width = max(1, round(SMOOTH * rec.rate_hz))
+        width = max(1, round(SMOOTH * _rate(rec)))
         smooth = np.stack([np.convolve(v, np.ones(width) / width, "same") for v in across.T], axis=1)
         sliding = (np.linalg.norm(smooth, axis=1) > SPEED) & (np.abs(force[:, 2]) > TOUCH)
         strokes = [s for s in _stretches(sliding) if rec.time[s][-1] - rec.time[s][0] >= STROKE]
@@ -143,7 +142,7 @@ def _opened(path: Path) -> tuple[Recording, np.ndarray, np.ndarray, Rotation]:
     """Load a recording; also return its wrench (n, 6), and the flange's positions (n, 3) m and n rotations in the base.
 
     The wrench is that of the flange on the tool, about the flange's origin, flange axes. The pose is measured, rows
-    without it are left out, and the sample rate is that of the others; or, if `ee` was not recorded, it is from the
+    without it are left out; or, if `ee` was not recorded, it is from the
     robot's kinematics and angles without gaps.
     """
     rec = load(path)
@@ -153,13 +152,16 @@ def _opened(path: Path) -> tuple[Recording, np.ndarray, np.ndarray, Rotation]:
     ft = rec.ft
     if rec.ee is not None and (known := np.isfinite(rec.ee).all(axis=1)).any():
         rec, ft, pose = rec.some(known), ft[known], rec.ee[known]
-        steps = np.diff(rec.time)
-        rec = replace(rec, rate_hz=1.0 / float(np.median(steps[steps > 0]))) if (steps > 0).any() else rec
     else:
         rec, robot = with_robot(rec)
         pose = flange_pose(robot, bridged(rec.time, rec.q, rec.episode))
     turn = Rotation.from_quat(pose[:, 3:], scalar_first=True)
     return rec, canonical(ft, rec.wrench or WrenchSensor(), turn.as_matrix()), pose[:, :3], turn
+
+
+def _rate(rec: Recording) -> float:
+    """Return the usual number of samples per second."""
+    return usual_rate(rec.time, episodes(rec.time, rec.episode))
 
 
 def _unbiased(time: np.ndarray, wrench: np.ndarray, path: Path) -> np.ndarray:

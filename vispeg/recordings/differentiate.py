@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -90,6 +90,23 @@ def differences(time: np.ndarray, values: np.ndarray, episode: np.ndarray | None
 def spanned(time: np.ndarray, episode: np.ndarray | None) -> float:
     """Return the time that samples (n,) span, s: the sum over their `episodes`."""
     return float(sum(np.ptp(time[rows]) for rows in episodes(time, episode)))
+
+
+def usual_rate(time: np.ndarray, runs: Sequence[np.ndarray], span: float = 1.0) -> float:
+    """Return the usual number of samples per second, from the times (n,) s alone.
+
+    It is the median over stretches of `span` s, so that neither gaps nor rows written in bursts change it.
+
+    Args:
+        time: (n,) s.
+        runs: row numbers of each stretch over which time increases, as `episodes` returns them.
+        span: s; a shorter run counts as one stretch.
+    """
+    rates: list[float] = []
+    for at in (time[rows] for rows in runs if len(rows) > 1):
+        edges = np.arange(at[0], at[-1], span)
+        rates += list(np.diff(np.searchsorted(at, edges)) / span) or [(len(at) - 1) / float(at[-1] - at[0])]
+    return float(np.median([rate for rate in rates if rate > 0])) if any(rates) else 1.0 / span
 
 
 def _blocks(

@@ -9,7 +9,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.recordings.cell import Outcome
-from vispeg.recordings.differentiate import episodes, smooth
+from vispeg.recordings.differentiate import episodes, smooth, usual_rate
 from vispeg.recordings.frames.frames import Frames, RecordedFrame
 from vispeg.recordings.recording import Chosen, Recording, Window
 
@@ -127,7 +127,8 @@ def _cells(
         Time in each of k cells, s, (w, k); number of reversals (w,); rows (first, stop) of each; peak speed, rad/s,
         acceleration, rad/s^2, and load, N m, (3, w, nj). Without recorded torque the load is the angle, rad.
     """
-    every = max(1, round(rec.rate_hz / LOOK_HZ))
+    rate = usual_rate(rec.time, runs, LENGTH)
+    every = max(1, round(rate / LOOK_HZ))
     rows = np.concatenate([run[::every] for run in runs])
     episode = np.concatenate([np.full(len(run[::every]), k) for k, run in enumerate(runs)])
     motion = smooth(rec.time[rows], rec.q[rows], MOTION_HZ, episode)
@@ -143,12 +144,12 @@ def _cells(
     parts.append(_binned(load, low, high, LOADS, moving))
     turn = _turns(dq, moving)
     parts.append(turn * np.uint8(LOOK_HZ / 4))  # a reversal counts as a quarter of a second in a cell of its own
-    cell, period = np.concatenate(parts, axis=1), every / rec.rate_hz
+    cell, period = np.concatenate(parts, axis=1), every / rate
     size = [np.minimum(np.nan_to_num(np.abs(x)), _top(x)) for x in (dq, ddq, load - (low + high) / 2)]
     width = max(1, round(LENGTH / period))
     counts, turns, spans, tops = [], [], [], []
     for part, (first, stop) in _candidates(runs, every, width):
-        steps = (stop - 1 - first) / rec.rate_hz  # s, if no row is missing
+        steps = (stop - 1 - first) / rate  # s, if no row is missing
         if not 0.8 * steps < rec.time[stop - 1] - rec.time[first] < 1.2 * steps:
             continue
         if np.mean(np.isfinite(dq[part])) < READABLE:

@@ -6,7 +6,7 @@ import numpy as np
 
 from vispeg.recordings.checks.quality import runs
 from vispeg.recordings.columns import NEEDED, columns_of
-from vispeg.recordings.differentiate import episodes
+from vispeg.recordings.differentiate import episodes, usual_rate
 from vispeg.recordings.recording import Recording
 
 MOST = 0.2  # largest share of missing readings in a needed column: beyond it, interpolation shapes the result
@@ -27,7 +27,8 @@ def stretches(rec: Recording, rows: np.ndarray) -> list[np.ndarray]:
     """
     signals = [getattr(rec, name) for name in NEEDED[rec.control.mode]]
     signals += [] if rec.control.mode in STIFF else [rec.q]
-    time, least, cut = rec.time[rows], max(LONG, PERIODS / rec.rate_hz), np.zeros(len(rows), bool)
+    time, cut = rec.time[rows], np.zeros(len(rows), bool)
+    least = max(LONG, PERIODS / usual_rate(rec.time, [rows]))
     for column in (column for signal in signals if signal is not None for column in signal[rows].T):
         for first, stop in runs(~np.isfinite(column)):
             cut[first:stop] |= time[min(stop, len(rows) - 1)] - time[max(first - 1, 0)] > least
