@@ -13,7 +13,9 @@ from typed import convert
 
 from vispeg.core.errors import UserError
 from vispeg.recordings.importers.guess.names import meaning
+from vispeg.recordings.importers.guess.propose import Proposal, joint_columns
 from vispeg.recordings.load import load
+from vispeg.recordings.tables.table import Dialect
 
 SHARED = Path(os.environ.get("VISPEG_SHARED", Path(__file__).resolve().parents[3] / "shared"))
 
@@ -72,6 +74,20 @@ def test_units_in_names(name, quantity, unit):
 def test_words_of_kuka_state_whether_angles_are_measured(name, commanded):
     found = meaning(name, {})
     assert (found.quantity, found.commanded) == ("q", commanded)
+
+
+def placed(pattern, count, joints=JOINTS):
+    """Return joint -> column of `count` angles whose columns are called by `pattern`, from 0."""
+    out = Proposal(Path("log.csv"), [], [], {}, Dialect())
+    found = joint_columns([meaning(pattern.format(k), {}) for k in range(count)], joints, "q", out)
+    return {joint: m.name for joint, m in found.items()}
+
+
+def test_columns_counted_from_0_are_the_joints_in_their_order_even_if_those_are_counted_from_1():
+    every = {joint: f"joint_{k}_pos" for k, joint in enumerate(JOINTS)}
+    assert placed("joint_{}_pos", 7) == every
+    assert placed("joint_{}_pos", 6) == {joint: every[joint] for joint in JOINTS[:6]}
+    assert placed("joint_{}_pos", 8) == {joint: f"joint_{k}_pos" for k, joint in enumerate(JOINTS, 1)}
 
 
 def test_a_column_called_seconds_is_the_time(tmp_path):

@@ -378,14 +378,11 @@ def joint_columns(
     group: list[Meaning], joints: Sequence[str], signal: str, out: Proposal, order: Sequence[int] | None = None
 ) -> dict[str, Meaning]:
     """Return joint -> column: matched by the joint's name, else by number, else by place in the file or in `order`."""
-    named = _by_name(group, joints)
-    if named:
+    named, numbered = _by_name(group, joints), _by_number(group)
+    if named and len(named) >= sum(k < len(joints) for k in numbered):  # joint0 .. of a robot's joint1 .. are numbers
         out.unused |= {m.name: "of no joint of this robot" for m in group if m not in named.values()}
         return named
-    labels = _bare([m.label for m in group])
-    if all(label.isdigit() for label in labels) and len(set(labels)) == len(labels):
-        first = min(int(label) for label in labels)
-        numbered = {int(label) - (1 if first >= 1 else 0): m for label, m in zip(labels, group, strict=True)}
+    if numbered:
         out.unused |= {m.name: "the robot has fewer joints" for k, m in numbered.items() if k >= len(joints)}
         doubt = "no column names the joints: taken by their numbers in the robot's order"
         if doubt not in out.doubts:
@@ -411,6 +408,15 @@ def _ordered(pairs: dict[str, Meaning], order: Sequence[int] | None) -> dict[str
         return pairs
     names, columns = list(pairs), list(pairs.values())
     return {name: columns[k] for name, k in zip(names, order, strict=True)}
+
+
+def _by_number(group: list[Meaning]) -> dict[int, Meaning]:
+    """Return place in the robot's order -> column, by the columns' numbers from 0 or 1; empty without such numbers."""
+    labels = _bare([m.label for m in group])
+    if not all(label.isdigit() for label in labels) or len(set(labels)) < len(labels):
+        return {}
+    first = min(int(label) for label in labels)
+    return {int(label) - (1 if first >= 1 else 0): m for label, m in zip(labels, group, strict=True)}
 
 
 def _by_name(group: list[Meaning], joints: Sequence[str]) -> dict[str, Meaning]:
