@@ -63,6 +63,9 @@ def test_what_is_not_used_and_what_more_knowledge_buys_is_said(tmp_path, capsys)
         *((name, "", "m/s") for name in ("m_s", "ee_v_m_s")),
         ("x_mm_s", "", "mm/s"),
         ("tau_n_m", "tau", "N m"),
+        *((name, "dq", "") for name in ("q_dot_1", "thetaDot1", "joint1.q.dot")),
+        *((name, "acceleration", "") for name in ("q_ddot_1", "theta_dot_dot_1", "dq_dot_1")),
+        ("tau_dot_1", "jerk", ""),
     ],
 )
 def test_units_in_names(name, quantity, unit):

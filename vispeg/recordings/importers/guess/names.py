@@ -62,6 +62,8 @@ MEASURED = {"act", "actual", "meas", "measured", "ist", "istwert", "state", "fb"
 WHOLE = {  # words of KUKA's RSI that state both the quantity and whether it is measured or commanded
     "aipos": ("q", False), "aspos": ("q", True), "axisact": ("q", False), "axisactmeas": ("q", False),
 }  # fmt: skip
+RATE_OF = {"q": "dq", "dq": "acceleration", "acceleration": "jerk", "tau": "jerk"}  # quantity -> its derivative
+DOTS = {"dot": 1, "ddot": 2}  # word -> how many times a name's quantity is differentiated
 NO_JOINT = {"tcp", "rx", "ry", "rz", "camera", "gyro", "imu"}  # columns that have a unit but belong to no joint
 FILL = {"field", "data", "value", "values", "robot", "arm", "joint", "joints", "axis", "axes", "states", "j", "motor",
         "measuredjoint", "commandedjoint", "msg", "lbr", "js", "gelenk", "achse", "ee", "hat", "filtered"}  # fmt: skip
@@ -135,6 +137,10 @@ def _quantity(words: Sequence[str]) -> tuple[str, str, set[int]]:
                 taken.add(i)
         if word in WHOLE:
             quantity, said = WHOLE[word][0], word
+            taken.add(i)
+    for i, word in enumerate(words):
+        for _ in range(DOTS.get(word, 0) if quantity in RATE_OF else 0):  # `q_dot`, `thetaDot`
+            quantity, said = RATE_OF[quantity], f"{said}_dot"
             taken.add(i)
     for kind, (vocabulary, _) in OTHER.items():
         named = [word for word in words if word in vocabulary]
