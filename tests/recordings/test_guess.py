@@ -66,6 +66,8 @@ def test_what_is_not_used_and_what_more_knowledge_buys_is_said(tmp_path, capsys)
         *((name, "dq", "") for name in ("q_dot_1", "thetaDot1", "joint1.q.dot")),
         *((name, "acceleration", "") for name in ("q_ddot_1", "theta_dot_dot_1", "dq_dot_1")),
         ("tau_dot_1", "jerk", ""),
+        *((name, "share", "%") for name in ("torque_1 [%]", "A1 load (%)", "speed_percent_2")),
+        ("%time", "time", ""),
     ],
 )
 def test_units_in_names(name, quantity, unit):

@@ -26,6 +26,7 @@ UNITS = (  # (unit, pattern of its spellings in lower case); the longest match i
     ("mm", r"mm"),
     ("m/s", r"m[_/]s|mps|m_per_s(ec)?"),
     ("mm/s", r"mm[_/]s|mm_per_s(ec)?"),
+    ("%", r"%|percent|pct"),
 )
 LONE_S = r"[\[({]\s*s\s*[\])}]|(?<![a-z0-9µ°/])s(?=[\s\])}]*$)"  # in brackets, or at the end of a name
 TIMES = {"ms", "us", "ns", "s"}
@@ -53,6 +54,7 @@ OTHER = {  # quantity -> words that name it, and the reason why it is not used
     "error": ({"error", "err", "fehler"}, "a difference follows from the others"),
     "raw": ({"counts", "ticks", "raw", "pwm"}, "raw counts: their scale is not known"),
     "tool": ({"tcp", "cartesian"}, "a pose, speed or force of the tool, not of a joint"),
+    "share": (set[str](), "in % of a value that no name states; a torque's may be load.JOINT of a map"),
     "jerk": ({"jerk", "dtau"}, "derivatives are not used"),
 }  # fmt: skip
 COMMANDED = {"cmd", "command", "commanded", "commands", "des", "desired", "target", "targets", "setpoint", "setpoints",
@@ -107,6 +109,8 @@ def meaning(name: str, labels: dict[str, str]) -> Meaning:
     if quantity == "current":
         spelt = [i for i, word in enumerate(words) if word in AMPERES]
         unit, taken = (AMPERES[words[spelt[0]]] if spelt else ""), taken | {*spelt}
+    if unit == "%" and quantity:
+        quantity, said = "share", unit
     if not words and unit in TIMES and name.lower() != "s":  # `seconds`; a column `s` may as well be a length
         quantity, said = "time", f"[{unit}]"
     commanded: bool | None = None
