@@ -334,6 +334,18 @@ def test_a_gap_in_one_file_of_a_folder_stays_a_gap(tmp_path):
     np.testing.assert_array_equal(effort[~inside], whole[~inside])
 
 
+def test_a_joint_with_a_cell_that_is_no_number_is_not_taken_for_one_at_rest(tmp_path, arm):
+    """A logger writes None where it has no reading."""
+    broken = {**PLAIN, "q_1": [*map(repr, Q[:5, 1].tolist()), "None", *map(repr, Q[6:, 1].tolist())]}
+    with pytest.raises(UserError, match="log.csv: row 7, column q_1: is not a number; got 'None'"):
+        propose(table(tmp_path / "log.csv", broken), arm)
+    (folder := tmp_path / "runs").mkdir()
+    for name, columns in (("a.csv", PLAIN), ("b.csv", broken)):
+        table(folder / name, columns)
+    with pytest.raises(UserError, match=r"runs: row 7, column q_1: is not a number; got 'None \(b.csv\)'"):
+        propose(folder, arm)
+
+
 def test_a_file_of_a_folder_without_samples_is_named(tmp_path, arm):
     folder = signals(tmp_path / "signals")
     head = (folder / "arm_effort.csv").read_text().splitlines()[0]

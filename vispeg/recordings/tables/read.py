@@ -90,11 +90,29 @@ def _folder(folder: Path, files: Sequence[Path], reading: Reading) -> Table:
     signals = all(said) and len({match[0].lower() for match in said if match}) > 1  # one file per signal
     alike = not signals and all(table.names == tables[0].names for table in tables)
     columns = _episodes(tables) if alike else _joined(folder, tables)
+    text, mixed = _texts(tables, alike)
     names = list(columns)
-    text = tables[0].text if alike else {}
     rows = len(next(iter(columns.values()), ()))
     kept = {name: columns[name] for name in reading.retained(names) if name in columns}
-    return Table(folder, kept, [*names, *text], rows, 0, dict(text))
+    return Table(folder, kept, [*names, *text], rows, 0, text, mixed=mixed)
+
+
+def _texts(tables: Sequence[Table], alike: bool) -> tuple[dict[str, tuple[int, str]], frozenset[str]]:
+    """Return `text` and `mixed` of a folder's tables together; mixed cells are told with their file."""
+    text: dict[str, tuple[int, str]] = {}
+    numbers: set[str] = set()
+    for table in tables:
+        numbers |= {name if alike else _key(table, name) for name in (*table.mixed, *table.columns)}
+    for table in tables:
+        for name, (row, cell) in table.text.items():
+            key = name if alike else _key(table, name)
+            text.setdefault(key, (row, f"{cell} ({table.file.name})" if key in numbers else cell))
+    return text, frozenset(numbers & {*text})
+
+
+def _key(table: Table, name: str) -> str:
+    """Name a column of one of several joined tables."""
+    return f"{table.file.stem.split('.')[0]}/{name}"
 
 
 def _episodes(tables: Sequence[Table]) -> dict[str, np.ndarray]:
@@ -134,7 +152,7 @@ def _joined(folder: Path, tables: Sequence[Table]) -> dict[str, np.ndarray]:
         at, once = np.unique(at, return_index=True)
         for name, values in table.columns.items():
             if name != clock:
-                key = f"{table.file.stem.split('.')[0]}/{name}"
+                key = _key(table, name)
                 if HELD.search(key):
                     last = np.searchsorted(at, time, side="right") - 1
                     out[key] = np.where(last >= 0, values[once][np.maximum(last, 0)], np.nan)

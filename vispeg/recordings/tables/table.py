@@ -45,6 +45,7 @@ class Table:
         rows: number of samples.
         first_row: number of the first sample in messages: 2 in a CSV (line 1 is the header), 0 in Parquet.
         text: name -> (row, cell) of the first cell that is not a number; such a column is not in `columns`.
+        mixed: names of those text columns that hold numbers too.
         comments: the lines before the header, as text.
     """
 
@@ -55,6 +56,7 @@ class Table:
     first_row: int
     text: dict[str, tuple[int, str]] = field(default_factory=dict)
     comments: tuple[str, ...] = ()
+    mixed: frozenset[str] = frozenset()
 
     def row(self, index: int | np.integer) -> str:
         """Name the sample at `index` as in messages."""

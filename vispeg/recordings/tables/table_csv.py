@@ -247,8 +247,10 @@ def _cell_by_cell(file: Path, head: Head, wanted: list[str], reading: Reading) -
                     break
         except csv.Error as error:
             raise UserError(f"cannot be read: {error}", file=file) from error
-    values = {names[i]: np.array(column) for i, column in columns.items() if names[i] not in text}
-    table = Table(file, values, names, rows, first, text, head.comments)
+    every = {names[i]: np.array(column) for i, column in columns.items()}
+    values = {name: column for name, column in every.items() if name not in text}
+    mixed = frozenset(name for name in text if np.isfinite(every[name]).any())
+    table = Table(file, values, names, rows, first, text, head.comments, mixed)
     if reading.look is not None:
         reading.look(table)
     return table

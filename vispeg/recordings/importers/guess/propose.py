@@ -33,6 +33,7 @@ from vispeg.recordings.tables.table import Dialect, Table
 NAMES = {"q": "measured angle", "dq": "measured speed", "tau": "measured torque", "q_cmd": "commanded angle",
          "dq_cmd": "commanded speed", "tau_cmd": "commanded torque"}  # fmt: skip
 SECONDS, NANOS = ("s", "sec", "secs", "seconds"), ("ns", "nsec", "nsecs", "nanosec", "nanos", "nanoseconds")
+SIGNALS = ("q", "dq", "tau")  # quantities that are read, measured or commanded
 SHOWN = 8  # numbers shown of a row
 # signals in the order of the map's lines
 ORDER = ("q", "dq", "tau", "tau_cmd", "q_cmd", "dq_cmd")
@@ -137,12 +138,16 @@ def propose(
         calibration: joint -> width of its calibrated range, encoder ticks.
 
     Raises:
-        UserError: no column can be the time, or no columns can be the angles.
+        UserError: no column can be the time, no columns can be the angles, or a column of either, of speeds or torques
+            holds numbers and other cells.
     """
     meanings = own_names([meaning(name, labels) for name in table.names], joints, table)
     out = Proposal(table.file, [], [], {}, dialect)
+    for m in meanings:
+        if m.name in table.mixed and m.quantity in (*SIGNALS, "time", "episode"):
+            table.number(m.name)  # raises: its cells that are not numbers are no reason to do without the others
     there = [m for m in meanings if m.name in table.columns]
-    groups = _groups([m for m in there if m.quantity in ("q", "dq", "tau")])
+    groups = _groups([m for m in there if m.quantity in SIGNALS])
     chosen = _chosen(groups, out)
     if "tau" not in chosen:
         currents = _groups([m for m in there if m.quantity == "current"])
