@@ -213,6 +213,15 @@ def test_what_precedes_a_step_back_keeps_the_files_episode(tmp_path, arm):
     assert [(o.episode, o.success) for o in load(tmp_path / "rig").outcomes] == [(9, True), (2, False)]
 
 
+def test_a_joint_that_spins_farther_than_a_recording_holds_is_refused(tmp_path):
+    """Nothing could read the recording."""
+    (tmp_path / "spin.xml").write_text(ARM.replace('axis="0 0 1" range="-3.1 3.1"', 'axis="0 0 1"'))
+    spun = {f"q.{joint}": Q[:, k] for k, joint in enumerate(JOINTS)} | {"q.base_joint": 2.0 * TIME % (2 * np.pi)}
+    with pytest.raises(UserError, match="q.base_joint: wraps, and turns too far.*2.54 turns"):
+        convert(table(tmp_path / "log.csv", {"time": TIME} | spun), str(tmp_path / "spin.xml"), tmp_path / "rig")
+    assert not (tmp_path / "rig").exists()
+
+
 def test_missing_commands_have_no_say_in_the_turn(tmp_path, arm):
     """Readings and commands a turn above the range; of the commands the first half is missing."""
     cmd = Q + 2 * np.pi

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from vispeg.core.errors import UserError
 from vispeg.core.notes import note
 from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.recording import Recording
+from vispeg.recordings.validate import MAX_ANGLE
 
 TURN = 2 * np.pi
 NEAR = np.pi / 2  # rad, largest deviation of a step from a whole turn that counts as a wrap
@@ -54,7 +56,11 @@ def beside(goal: np.ndarray, q: np.ndarray, episode: np.ndarray | None = None) -
 
 
 def turned(rec: Recording, limits: Limits, source: Path) -> Recording:
-    """Unwrap a recording's measured and commanded angles, with one note; unchanged if none of them wraps."""
+    """Unwrap a recording's measured and commanded angles, with one note; unchanged if none of them wraps.
+
+    Raises:
+        UserError: an unwrapped angle is farther from 0 than a recording may hold, `MAX_ANGLE`.
+    """
     q, changed = straightened(rec.q, limits.range, rec.episode)
     q_cmd = rec.q_cmd
     if q_cmd is not None:
@@ -63,6 +69,12 @@ def turned(rec: Recording, limits: Limits, source: Path) -> Recording:
         q_cmd, changed = (goal if moved.any() else q_cmd), changed | moved
     if not changed.any():
         return rec
+    for name, values in (("q", q), ("q_cmd", q_cmd)):
+        most = np.zeros(len(rec.joints)) if values is None else np.nanmax(np.abs(values), axis=0, initial=0.0)
+        if (far := most > MAX_ANGLE).any():
+            key, expected = f"{name}.{rec.joints[int(np.argmax(far))]}", f"at most {MAX_ANGLE / TURN:g} turns"
+            got = f"{float(most.max()) / TURN:.3g} turns"
+            raise UserError("wraps, and turns too far", file=source, key=key, expected=expected, got=got)
     names = ", ".join(joint for joint, is_changed in zip(rec.joints, changed, strict=True) if is_changed)
     note(f"{source}: angles wrap at a whole turn: straightened, and shifted by whole turns into the range: {names}")
     return replace(rec, q=q, q_cmd=q_cmd)
