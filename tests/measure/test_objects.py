@@ -256,6 +256,14 @@ def test_an_even_drift_is_refused_and_chance_is_not():
     assert refused < 30  # two tests at three sigma: 16 of them
 
 
+def test_one_digit_of_the_instrument_is_no_drift():
+    """The incline is read in whole degrees."""
+    angles = np.radians([20.0, 20.0, 20.0, 20.0, 21.0])
+    assert friction.measure(Readings("t", {"angle": angles}, {"angle": np.radians(1.0)}), rng()).results
+    with pytest.raises(UserError, match="drifts"):
+        friction.measure(Readings("t", {"angle": angles}, {"angle": np.radians(0.1)}), rng())
+
+
 def test_heights_are_one_within_what_their_accuracy_leaves_open():
     flights = {"flight1": np.full(4, 0.4), "flight2": np.array([0.2, 0.21, 0.2, 0.21])}
     for accuracy, heights in ({}, 2), ({"drop": 0.002}, 2), ({"drop": 0.0005}, 3):

@@ -15,7 +15,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.measure.outcome import Outcome, by_place, short
-from vispeg.measure.readings import Readings, choose, instrument_law, refuse_drift
+from vispeg.measure.readings import Readings, choose, digit_of, instrument_law, refuse_drift
 from vispeg.measure.uncertainty import places, propagate
 
 GRAVITY = 9.81  # m/s^2
@@ -69,7 +69,7 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     errors, law = instrument_law(readings, columns, function)
     nominal = law(*(0.0 for _ in errors))  # what the errors change is added to the mean of the rows
     if place is None:
-        refuse_drift(values, 0.0, readings.file, "friction")
+        refuse_drift(values, digit_of(readings, columns, function), readings.file, "friction")
     result = propagate(name, "1", lambda mu, *off: mu + law(*off) - nominal, [mean, *errors], rng, repeats=len(values))
     count, unsaid = (1, "place") if place is None else (len(np.unique(place)), "")
     notes = [*short(len(values), REPEATS, "slide"), *short(count, PLACES, "place", unsaid)]

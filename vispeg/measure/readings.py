@@ -150,6 +150,19 @@ def instrument_law(
     return [error for _, error in errors], law
 
 
+def digit_of(readings: Readings, names: Sequence[str], function: Callable[..., float]) -> float:
+    """Return the change of a function of mean readings by one digit of the instruments, those of columns in squares.
+
+    Args:
+        readings: the table, with the resolution of the columns.
+        names: columns that are the function's arguments, in order.
+        function: of the readings.
+    """
+    at = [float(readings[name].mean()) for name in names]
+    halves = np.diag([0.5 * readings.resolution[name] for name in names])
+    return float(np.linalg.norm([function(*(at + half)) - function(*(at - half)) for half in halves]))
+
+
 def refuse_drift(values: np.ndarray, resolution: float, file: Path, named: str) -> None:
     """Raise UserError if readings (n,) of one quantity drift, that is rise or fall by more than chance allows.
 
