@@ -264,6 +264,17 @@ def test_one_digit_of_the_instrument_is_no_drift():
         friction.measure(Readings("t", {"angle": angles}, {"angle": np.radians(0.1)}), rng())
 
 
+@pytest.mark.parametrize("resolution", [{}, {"tare": 1e-3}], ids=["the scale's", "its own"])
+def test_the_empty_scale_is_read_with_its_own_errors(resolution):
+    """Of the scale's resolution unless another is stated, and of the limit of error that is stated for it."""
+    table = {"mass": np.full(5, 0.251), "tare": np.full(5, 0.001)}
+    readings = Readings("t", table, {"mass": 1e-3, **resolution}, {"tare": 2e-3})
+    budget = {row.source: row.contribution for row in mass.measure(readings, rng()).results[0].budget}
+    digit, limit = 0.5e-3 / np.sqrt(3), 2e-3 / np.sqrt(3)
+    expected = {"repeats": 0, "resolution of mass": digit, "resolution of tare": digit, "limit of error of tare": limit}
+    assert budget == pytest.approx(expected)
+
+
 def test_heights_are_one_within_what_their_accuracy_leaves_open():
     flights = {"flight1": np.full(4, 0.4), "flight2": np.array([0.2, 0.21, 0.2, 0.21])}
     for accuracy, heights in ({}, 2), ({"drop": 0.002}, 2), ({"drop": 0.0005}, 3):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.measure.outcome import Outcome, short
-from vispeg.measure.readings import Readings, choose, refuse_drift
+from vispeg.measure.readings import Readings, choose, digit_of, refuse_drift
 from vispeg.measure.uncertainty import propagate, repeated
 
 FORMS = {"weighing": ("mass",)}
@@ -17,7 +19,8 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     """Compute the mass in kg.
 
     Args:
-        readings: `mass` (kg), and optionally `tare` (kg), the reading of the empty scale before each.
+        readings: `mass` (kg), and optionally `tare` (kg), the reading of the empty scale before each, of the same
+            resolution unless its own is stated.
         rng: of the Monte Carlo propagation.
 
     Raises:
@@ -31,9 +34,11 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
         key = f"{readings.row(bad[0])}, column mass"
         expected = "above 0 kg" + (" when the tare is taken off" if tare is not None else "")
         raise UserError("is not a mass", file=readings.file, key=key, expected=expected, got=float(net[bad[0]]))
-    inputs = [repeated("repeats", net), *readings.instrument("mass")]
+    inputs, digit = [repeated("repeats", net), *readings.instrument("mass")], readings.resolution["mass"]
     if tare is not None:
-        inputs += readings.instrument("tare") if "tare" in readings.resolution else readings.instrument("mass")[:1]
-    refuse_drift(net, readings.resolution["mass"], readings.file, "mass")
+        readings = replace(readings, resolution={"tare": digit, **readings.resolution})
+        inputs += readings.instrument("tare")
+        digit = digit_of(readings, ("mass", "tare"), np.subtract)
+    refuse_drift(net, digit, readings.file, "mass")
     result = propagate("mass", "kg", lambda *x: sum(x), inputs, rng, repeats=len(net))
     return Outcome((result,), tuple(short(len(net), WEIGHINGS, "weighing")))
