@@ -123,6 +123,13 @@ FORMS = {
     "moving axes": lambda q, p, t: (
         [*Q, "tip_x_mm", "tip_y_mm", "tip_z_mm", "rx_rad", "ry_rad", "rz_rad"], q, 1e3 * p, t.as_euler("XYZ"),
     ),
+    "two units": lambda q, p, t: (
+        ["q1 [deg]", *(f"q{k} [rad]" for k in range(2, 8)), "x_mm", "y_mm", "z_mm"],
+        q * [180 / np.pi, *np.ones(6)], 1e3 * p,
+    ),
+    "a unit of one joint": lambda q, p, t: (
+        ["q1 [rad]", *Q[1:], "x_mm", "y_mm", "z_mm"], q * [1.0, *np.full(6, 180 / np.pi)], 1e3 * p,
+    ),
     "positions, cm": lambda q, p, t: ([*Q, "marker_x", "marker_y", "marker_z"], q, 1e2 * p),
 }  # fmt: skip
 

@@ -289,11 +289,8 @@ def _family(word: str) -> str:
     return {"r": "rx", "w": "wx"}.get(word[:1], "roll") if word not in ("roll", "pitch", "yaw") else "roll"
 
 
-def _angles(table: Table, joints: Sequence[str], taken: set[str]) -> tuple[np.ndarray, str, bool]:
-    """Return joint angles (n, nj) in the table's unit, that unit, and whether the names state one at all.
-
-    The unit is "" if the names state none, different ones, or one that is not an angle's.
-    """
+def _angles(table: Table, joints: Sequence[str], taken: set[str]) -> tuple[np.ndarray, list[str]]:
+    """Return joint angles (n, nj) as they are in the table, and the unit that each column's name states, or ""."""
     there = [name for name in table.names if name in table.columns and name not in taken]
     named = own_names([meaning(name, {}) for name in there], joints, table)
     out = Proposal(table.file, [], [], {}, Dialect())
@@ -307,18 +304,25 @@ def _angles(table: Table, joints: Sequence[str], taken: set[str]) -> tuple[np.nd
         raise UserError(
             said, file=table.file, expected="columns called as the joints, or q1, q2, ..", choices=table.names
         )
-    stated = {found[joint].unit for joint in joints}
-    unit = stated.pop() if len(stated) == 1 else ""
-    return _block(table, [found[joint].name for joint in joints]), unit if unit in ANGLES else "", bool(unit)
+    return _block(table, [found[joint].name for joint in joints]), [found[joint].unit for joint in joints]
 
 
-def _as_radians(values: np.ndarray, unit: str, stated: bool, file: Path) -> list[tuple[np.ndarray, str]]:
-    if stated and not unit:
-        raise UserError("not angles of joints", file=file, expected="rad or deg")
-    units = [unit] if unit else [u for u in ANGLES if np.abs(values).max() * ANGLES[u] < BEYOND]
+def _as_radians(values: np.ndarray, stated: Sequence[str], file: Path) -> list[tuple[np.ndarray, str]]:
+    """Return all interpretations of joint angles (n, nj): rad, and the choice in words, "" if their names state it.
+
+    Raises:
+        UserError: a unit that is not an angle's, or impossible angles.
+    """
+    if not {*stated} - {""} <= {*ANGLES}:
+        got = ", ".join(sorted({*stated} - {"", *ANGLES}))
+        raise UserError("not angles of joints", file=file, expected="rad or deg", got=got)
+    if all(stated):
+        return [(values * [ANGLES[unit] for unit in stated], "")]
+    most = float(np.abs(values[:, [not unit for unit in stated]]).max())
+    units = [u for u in ANGLES if most * ANGLES[u] < BEYOND]
     if not units:
-        raise UserError("impossible joint angles", file=file, expected="rad or deg", got=float(np.abs(values).max()))
-    return [(values * ANGLES[u], f"joint angles in {u}" if not unit else "") for u in units]
+        raise UserError("impossible joint angles", file=file, expected="rad or deg", got=most)
+    return [(values * [ANGLES[unit or u] for unit in stated], f"joint angles in {u}") for u in units]
 
 
 def _turns(table: Table, columns: PoseColumns, form: str | None, file: Path) -> list[tuple[np.ndarray, str]]:
