@@ -157,6 +157,8 @@ BAD_MAPS = {
     "q.joint9: a": "choices: .*q.joint1",
     "q.joint1: {column: a, unit: degrees}": "unknown unit.*choices: .*deg",
     "q.joint1: {column: a, unit: [deg]}": "unknown unit",
+    "q.joint1: {column: a, unit: rpm}": "q.joint1: is no unit of this signal; got 'rpm'; choices: rad, mrad, deg",
+    "time: {column: a, plus: {column: b, unit: mm}}": "is no unit of this signal.*choices: s, ms, us, ns",
     "q.joint1: {columns: a}": "names no column",
     "q.joint1: {column: a, scale: big}": "q.joint1.scale",
     "q.joint1: 1.5": "names no column",

@@ -25,7 +25,17 @@ QUANTITIES: tuple[dict[str, float], ...] = (  # for each physical quantity: unit
     {"N m": 1.0, "Nm": 1.0, "mNm": 1e-3, "N cm": 1e-2, "kg cm": 9.80665e-2},
 )
 FACTORS = {unit: factor for quantity in QUANTITIES for unit, factor in quantity.items()}
-AMPERES = ("A", "mA")
+_TIMES, _ANGLES, _SPEEDS, _CURRENTS, _LENGTHS, _FORCES, _TORQUES = QUANTITIES
+_RATES = {**_ANGLES, **_SPEEDS}  # an angle's unit stands for one in a second
+UNITS_OF = {  # signal -> unit that it may be in -> factor to SI; any of FACTORS for the others
+    "time": _TIMES,
+    **dict.fromkeys(("q", "q_cmd"), _ANGLES),
+    **dict.fromkeys(("dq", "dq_cmd"), _RATES),
+    **dict.fromkeys(("tau", "tau_cmd"), {**_CURRENTS, **_TORQUES}),
+    **dict.fromkeys(("ee", "ee_cmd"), _LENGTHS),
+    "ft": {**_FORCES, **_TORQUES},
+}
+AMPERES = (*_CURRENTS,)
 OTHER = ("joints", "recording", "table", "motors")  # keys of a map that are not columns
 SEPARATORS, DECIMALS = (",", ";", "\t", " "), (".", ",")
 
@@ -214,9 +224,11 @@ def _unit(unit: Any, into: str, target: str, file: Path) -> float:
     """Return the factor from a unit to SI, or to the unit `into` of a user-defined signal, if that is not empty."""
     if unit is None or unit == into:
         return 1.0
-    known = FACTORS if not into else next((q for q in QUANTITIES if into in q), {into: 1.0})
+    of_signal = UNITS_OF.get(target.partition(".")[0], FACTORS)
+    known = of_signal if not into else next((q for q in QUANTITIES if into in q), {into: 1.0})
     if not isinstance(unit, str) or unit not in known:
-        what = f"cannot be brought into {into}, the unit of this signal" if into else "unknown unit"
+        what = "is no unit of this signal" if isinstance(unit, str) and unit in FACTORS else "unknown unit"
+        what = f"cannot be brought into {into}, the unit of this signal" if into else what
         raise UserError(what, file=file, key=target, got=unit, choices=known)
     return known[unit] / known.get(into, 1.0)
 
@@ -235,8 +247,8 @@ def _source(value: Any, target: str, file: Path, into: str = "", of_motor: bool 
     for key in value:
         if key not in keys:
             raise UserError("unknown key", file=file, key=target, got=key, choices=keys)
-    factor = _unit(value.get("unit"), into, target, file)
     _check_current(value, target, file, of_motor)
+    factor = _unit(value.get("unit"), into, target, file)
     numbers = {}
     for key, default in (("scale", 1.0), ("offset", 0.0), ("torque_constant", 1.0)):
         number = value.get(key, default)
