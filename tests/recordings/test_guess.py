@@ -13,9 +13,9 @@ from typed import convert
 
 from vispeg.core.errors import UserError
 from vispeg.recordings.importers.guess.names import meaning
-from vispeg.recordings.importers.guess.propose import Proposal, joint_columns
+from vispeg.recordings.importers.guess.propose import Proposal, joint_columns, own_names
 from vispeg.recordings.load import load
-from vispeg.recordings.tables.table import Dialect
+from vispeg.recordings.tables.table import Dialect, Table
 
 SHARED = Path(os.environ.get("VISPEG_SHARED", Path(__file__).resolve().parents[3] / "shared"))
 
@@ -84,15 +84,18 @@ def test_words_of_kuka_state_whether_angles_are_measured(name, commanded):
 def placed(pattern, count, joints=JOINTS):
     """Return joint -> column of `count` angles whose columns are called by `pattern`, from 0."""
     out = Proposal(Path("log.csv"), [], [], {}, Dialect())
-    found = joint_columns([meaning(pattern.format(k), {}) for k in range(count)], joints, "q", out)
+    table = Table(out.file, {}, [], 0, 0)
+    group = own_names([meaning(pattern.format(k), {}) for k in range(count)], joints, table)
+    found = joint_columns(group, joints, "q", out)
     return {joint: m.name for joint, m in found.items()}
 
 
-def test_columns_counted_from_0_are_the_joints_in_their_order_even_if_those_are_counted_from_1():
-    every = {joint: f"joint_{k}_pos" for k, joint in enumerate(JOINTS)}
-    assert placed("joint_{}_pos", 7) == every
-    assert placed("joint_{}_pos", 6) == {joint: every[joint] for joint in JOINTS[:6]}
-    assert placed("joint_{}_pos", 8) == {joint: f"joint_{k}_pos" for k, joint in enumerate(JOINTS, 1)}
+@pytest.mark.parametrize("pattern", ["joint_{}_pos", "joint{}", "Joint {} [rad]"])
+def test_columns_counted_from_0_are_the_joints_in_their_order_even_if_those_are_counted_from_1(pattern):
+    every = {joint: pattern.format(k) for k, joint in enumerate(JOINTS)}
+    assert placed(pattern, 7) == every
+    assert placed(pattern, 6) == {joint: every[joint] for joint in JOINTS[:6]}
+    assert placed(pattern, 8) == {joint: pattern.format(k) for k, joint in enumerate(JOINTS, 1)}
 
 
 def test_a_column_called_seconds_is_the_time(tmp_path):

@@ -76,11 +76,12 @@ def test_what_comes_one_a_joint_and_is_of_no_known_quantity_is_a_signal_of_ones_
 
 
 @pytest.mark.filterwarnings("ignore:.*torque_sensor")
-def test_two_signals_of_ones_own_by_the_joints_names_in_any_order(tmp_path, capsys):
-    columns = {"time": TIME} | {f"{joint}_pos": Q[:, j] for j, joint in enumerate(JOINTS)}
-    columns |= {f"{joint}_tau_Nm": TAU[:, j] for j, joint in enumerate(JOINTS)}
-    columns |= {f"{JOINTS[j]}_current[mA]": CURRENT[:, j] for j in reversed(range(7))}
-    columns |= {f"temp.{JOINTS[j]}": WARM[:, j] for j in (2, 0, 1, 3, 6, 5, 4)}
+@pytest.mark.parametrize("names", [JOINTS, [f"joint{j}" for j in range(7)]], ids=["names", "numbers from 0"])
+def test_two_signals_of_ones_own_by_the_joints_names_in_any_order(names, tmp_path, capsys):
+    columns = {"time": TIME} | {f"{joint}_pos": Q[:, j] for j, joint in enumerate(names)}
+    columns |= {f"{joint}_tau_Nm": TAU[:, j] for j, joint in enumerate(names)}
+    columns |= {f"{names[j]}_current[mA]": CURRENT[:, j] for j in reversed(range(7))}
+    columns |= {f"temp.{names[j]}": WARM[:, j] for j in (2, 0, 1, 3, 6, 5, 4)}
     rec, _ = converted(tmp_path, columns, capsys)
     np.testing.assert_allclose(rec.signals["current"].values, CURRENT, atol=1e-6)
     np.testing.assert_allclose(rec.signals["temperature"].values, WARM, atol=1e-6)

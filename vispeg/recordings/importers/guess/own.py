@@ -52,8 +52,12 @@ def own_signals(out: Proposal, table: Table, joints: Sequence[str], labels: Mapp
         joints: the robot's.
         labels: column -> joint, where known from a source other than the header.
     """
+    count = len(joints)
     angles = {line.column: line.target.partition(".")[2] for line in out.lines if line.target.startswith("q.")}
     taken = {line.column for line in out.lines} | {line.plus[0] for line in out.lines if line.plus is not None}
+    called = {column: _split(column, "", joints, labels)[2] for column in angles}
+    if any(isinstance(called[column], str) and called[column] != joint for column, joint in angles.items()):
+        joints = ()  # the angles' names are numbers, `joint_0` for the first joint, whatever the joints are called
     groups: dict[str, list[_Column]] = {}
     for name in table.columns:
         m = meaning(name, dict(labels))
@@ -65,7 +69,7 @@ def own_signals(out: Proposal, table: Table, joints: Sequence[str], labels: Mapp
             groups.setdefault(column.stem, []).append(column)
     found = {}
     for stem, group in groups.items():
-        placed = _placed(group, out.joints, _numbered(angles, out.joints, len(joints)))
+        placed = _placed(group, out.joints, _numbered(angles, out.joints, count))
         units = {column.unit for column in group} - {""}
         if placed and len(units) < 2 and any(np.ptp(values.span(table.columns[column.name])) > 0 for column in group):
             found[stem] = placed

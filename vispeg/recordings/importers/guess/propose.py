@@ -242,17 +242,28 @@ def _goals(
 
 
 def own_names(meanings: list[Meaning], joints: Sequence[str], table: Table) -> list[Meaning]:
-    """Complete the meanings: a column named as a joint holds angles, or the quantity that the file's name states."""
+    """Complete the meanings: a column named as a joint holds angles, or the quantity that the file's name states.
+
+    So do columns that differ from those by their numbers alone: `joint0` beside `joint1`.
+    """
     full = {"_".join(split(joint)): joint for joint in joints}
     short = {"_".join(word for word in split(joint) if word not in FILL): joint for joint in joints}
     own = full | {label: joint for label, joint in short.items() if label and not label.isdigit()}
-    found = {m.name: own[key] for m in meanings if not m.quantity and (key := "_".join(split(bare(m.name)))) in own}
+    words = {m.name: split(bare(m.name)) for m in meanings if not m.quantity}
+    found = {name: own[key] for name, some in words.items() if (key := "_".join(some)) in own}
     if len(set(found.values())) < min(2, len(joints)):
         return meanings
+    stems = {_unnumbered(words[name]) for name in found if any(word.isdigit() for word in words[name])}
+    found = {name: found.get(name, bare(name)) for name in words if name in found or _unnumbered(words[name]) in stems}
     file = set(split(table.file.name))
     quantity = "dq" if file & VELOCITY else "tau" if file & TORQUE else "q"
     said = "the joint's own name"
     return [replace(m, quantity=quantity, label=found[m.name], said=said) if m.name in found else m for m in meanings]
+
+
+def _unnumbered(words: Sequence[str]) -> tuple[str, ...]:
+    """Return the words of a name with its numbers left open."""
+    return tuple("#" if word.isdigit() else word for word in words)
 
 
 def _ticks(
@@ -417,11 +428,11 @@ def _ordered(pairs: dict[str, Meaning], order: Sequence[int] | None) -> dict[str
 
 def _by_number(group: list[Meaning]) -> dict[int, Meaning]:
     """Return place in the robot's order -> column, by the columns' numbers from 0 or 1; empty without such numbers."""
-    labels = _bare([m.label for m in group])
-    if not all(label.isdigit() for label in labels) or len(set(labels)) < len(labels):
-        return {}
-    first = min(int(label) for label in labels)
-    return {int(label) - (1 if first >= 1 else 0): m for label, m in zip(labels, group, strict=True)}
+    for labels in (_bare([m.label for m in group]), _bare(["_".join(split(bare(m.name))) for m in group])):
+        if all(label.isdigit() for label in labels) and len(set(labels)) == len(labels):
+            first = min(int(label) for label in labels)
+            return {int(label) - (1 if first >= 1 else 0): m for label, m in zip(labels, group, strict=True)}
+    return {}
 
 
 def _by_name(group: list[Meaning], joints: Sequence[str]) -> dict[str, Meaning]:
