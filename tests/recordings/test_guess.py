@@ -98,6 +98,17 @@ def test_columns_counted_from_0_are_the_joints_in_their_order_even_if_those_are_
     assert placed(pattern, 8) == {joint: pattern.format(k) for k, joint in enumerate(JOINTS, 1)}
 
 
+def test_columns_that_are_called_as_one_joint_are_told():
+    """Angles of the motors and behind an elastic gear, say, or those of two arms."""
+    out = Proposal(Path("log.csv"), [], [], {}, Dialect())
+    names = [f"{side}_{joint}_pos" for side in ("motor", "link") for joint in JOINTS]
+    found = joint_columns([meaning(name, {}) for name in [*names, "tool_pos"]], JOINTS, "q", out)
+    assert [m.name for m in found.values()] == names[:7]
+    assert out.unused["link_joint2_pos"] == "motor_joint2_pos is taken for the measured angle"
+    assert out.unused["tool_pos"] == "of no joint of this robot"
+    assert "motor_joint1_pos and its like, not link_joint1_pos" in " ".join(out.doubts)
+
+
 def test_a_column_called_seconds_is_the_time(tmp_path):
     columns = {"Seconds": TIME, **numbered("q_{}", Q)}
     assert convert(write_table(tmp_path / "log.csv", columns), "iiwa14", tmp_path / "rig", guess=True, yes=True) == 0

@@ -396,8 +396,8 @@ def joint_columns(
     """Return joint -> column: matched by the joint's name, else by number, else by place in the file or in `order`."""
     named, numbered = _by_name(group, joints), _by_number(group)
     if named and len(named) >= sum(k < len(joints) for k in numbered):  # joint0 .. of a robot's joint1 .. are numbers
-        out.unused |= {m.name: "of no joint of this robot" for m in group if m not in named.values()}
-        return named
+        _others(group, named, signal, out)
+        return {joint: columns[0] for joint, columns in named.items()}
     if numbered:
         out.unused |= {m.name: "the robot has fewer joints" for k, m in numbered.items() if k >= len(joints)}
         doubt = "no column names the joints: taken by their numbers in the robot's order"
@@ -435,11 +435,22 @@ def _by_number(group: list[Meaning]) -> dict[int, Meaning]:
     return {}
 
 
-def _by_name(group: list[Meaning], joints: Sequence[str]) -> dict[str, Meaning]:
-    """Return joint -> column for columns labelled with a joint's name, or with the part that distinguishes it."""
+def _others(group: list[Meaning], named: Mapping[str, list[Meaning]], signal: str, out: Proposal) -> None:
+    """Record which columns of a group are of no joint, or of one that another column is taken for: a doubt."""
+    rivals = {m.name: columns[0].name for columns in named.values() for m in columns[1:]}
+    out.unused |= {name: f"{first} is taken for the {NAMES[signal]}" for name, first in rivals.items()}
+    placed = {m.name for columns in named.values() for m in columns}
+    out.unused |= {m.name: "of no joint of this robot" for m in group if m.name not in placed}
+    if rivals:
+        some, first = next(iter(rivals.items()))
+        out.doubts.append(f"several columns are the {NAMES[signal]} of one joint: {first} and its like, not {some}")
+
+
+def _by_name(group: list[Meaning], joints: Sequence[str]) -> dict[str, list[Meaning]]:
+    """Return joint -> columns in the file's order that are labelled with its name, or with what distinguishes it."""
     short = dict(zip(_bare(["_".join(split(j)) for j in joints]), joints, strict=True))
     full = {"_".join(split(joint)): joint for joint in joints}
-    columns: dict[str, Meaning] = {}
+    columns: dict[str, list[Meaning]] = {}
     for m in group:
         words = "_".join(split(m.label))
         name = "_".join(split(m.name))
@@ -447,7 +458,7 @@ def _by_name(group: list[Meaning], joints: Sequence[str]) -> dict[str, Meaning]:
         joint = full[max(hits, key=len)] if hits else full.get(words)
         joint = short.get(words) if joint is None and not words.isdigit() else joint
         if joint is not None:
-            columns.setdefault(joint, m)
+            columns.setdefault(joint, []).append(m)
     return columns if len(columns) > 1 or len(joints) == 1 else {}
 
 
