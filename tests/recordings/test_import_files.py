@@ -186,6 +186,15 @@ def test_what_cannot_be_converted(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("guessed", [False, True])
+def test_a_recording_is_no_log(guessed, tmp_path):
+    """Its controller, tool and noise would be lost."""
+    write(recording(20), tmp_path / "rig")
+    with pytest.raises(UserError, match="rig: is a recording already"):
+        convert(tmp_path / "rig", "iiwa14", tmp_path / "out", guess=guessed)
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("kind", ["csv", "csv.gz", "parquet", "npz", "bag", "db3", "mcap"])
 def test_a_pipe_is_no_log(tmp_path, kind):
     os.mkfifo(tmp_path / f"log.{kind}")

@@ -16,7 +16,7 @@ from vispeg.recordings.importers.guess.constants import of_arm, stated, torque_s
 from vispeg.recordings.importers.guess.propose import Proposal
 from vispeg.recordings.importers.guess.source import guess
 from vispeg.recordings.importers.mapping import ColumnMap, checked_rate, map_from
-from vispeg.recordings.importers.source import is_table
+from vispeg.recordings.importers.source import is_table, refuse_recording
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.tables.read import STORES, TABLES
 from vispeg.robots.model import load, load_for
@@ -90,9 +90,10 @@ def propose(
             name of an arm or servo; by default those published for the robot.
 
     Raises:
-        UserError: not a table, no column can be the time or the angles, or no such robot.
+        UserError: not a table, or a recording; no column can be the time or the angles, or no such robot.
     """
     source = Path(source)
+    refuse_recording(source)
     if not is_table(source):
         expected = f"a table ({', '.join((*TABLES, *STORES))}); bags name their signals themselves"
         raise UserError("cannot be guessed", file=source, key="--guess", expected=expected)

@@ -15,6 +15,7 @@ from vispeg.recordings.frames.camera import RecordedCamera
 from vispeg.recordings.importers.mapping import ColumnMap
 from vispeg.recordings.importers.rosbag import Topics
 from vispeg.recordings.importers.turns import turned
+from vispeg.recordings.load import HEADER
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.tables.read import STORES, TABLES, parts
 from vispeg.recordings.tables.table import MAX_BYTES
@@ -41,6 +42,12 @@ def is_table(source: Path) -> bool:
 def is_bag(source: Path) -> bool:
     """Return whether a log is a ROS bag: a bag file, or the folder of a ROS 2 bag."""
     return source.name.lower().endswith(BAGS) or (source / "metadata.yaml").is_file()
+
+
+def refuse_recording(source: Path) -> None:
+    """Raise UserError if a folder is a recording, whose table alone would come without what recording.yaml states."""
+    if (source / HEADER).is_file():
+        raise UserError("is a recording already", file=source, expected="a log, or the table in this folder alone")
 
 
 def read_source(
@@ -71,9 +78,10 @@ def read_source(
         progress: called with the share of a table that has been read.
 
     Raises:
-        UserError: not a supported log; topics or images for another kind of log; with `limits`, a joint that the robot
-            does not have; errors of the importers.
+        UserError: not a supported log, or a recording; topics or images for another kind of log; with `limits`, a joint
+            that the robot does not have; errors of the importers.
     """
+    refuse_recording(source)
     if torque_sensor is not None:
         mapping = replace(mapping, recording={**mapping.recording, "torque_sensor": torque_sensor})
     header = {"torque_sensor": mapping.recording.get("torque_sensor", "none")}
