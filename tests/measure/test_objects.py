@@ -155,6 +155,7 @@ def test_compliance_of_the_arm_is_subtracted_pose_by_pose():
         (friction, "angle\n17.2\n17.3\n", ("angle=0.1",), "row 2, column angle: is not an incline"),
         (friction, "angle_deg\n17.2\n17.3\n", ("angel=0.1",), "did you mean 'angle'"),
         (friction, "angle_deg\n17.2\n17.3\n", ("angle=-1",), "not a size"),
+        (mass, "mass_g\n400\n401\n", ("mass_g=1", "mass=0.1"), "resolution: is stated twice; got 'mass'"),
         (restitution, "drop,bounce\n0.3,0.4\n0.3,0.1\n", ("drop=0", "bounce=0"), "row 2: is not a bounce"),
         (stiffness, "force,depth,on\n5,0,0\n10,0,0\n20,0,0\n", ("force=0", "depth=0"), "no press on the fixture"),
         (stiffness, "force,depth,on\n5,0,3\n10,0,0\n20,0,0\n", ("force=0", "depth=0"), "row 2, column on"),

@@ -93,7 +93,7 @@ def of_instruments(readings: Readings, resolution: Iterable[str], accuracy: Iter
     """Return the readings with the stated resolution and accuracy of instruments, replacing those of these columns.
 
     Raises:
-        UserError: an unknown name or a number below 0.
+        UserError: an unknown name, one that is stated twice, or a number below 0.
     """
     digit, limit = (
         _settings(flag, texts, readings.columns, readings.file)
@@ -220,5 +220,7 @@ def _settings(flag: str, texts: Iterable[str], columns: Mapping[str, np.ndarray]
             value = -1.0
         if not 0 <= value < np.inf:
             raise UserError("not a size", key=f"--{flag} {full}", expected="NAME=NUMBER, 0 or more", got=text)
+        if name in out:
+            raise UserError("is stated twice", file=file, key=f"--{flag}", got=full)
         out[name] = factor * value
     return out
