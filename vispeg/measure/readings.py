@@ -28,6 +28,7 @@ class Readings:
         resolution: name -> one digit of the instrument, SI.
         accuracy: name -> limit of the instrument's error, SI.
         first_row: number of the first reading in messages, as `Table.first_row`.
+        titles: name -> the column's name in the table, with its unit; empty for readings of no table.
     """
 
     file: Path
@@ -35,6 +36,7 @@ class Readings:
     resolution: Mapping[str, float] = field(default_factory=dict)
     accuracy: Mapping[str, float] = field(default_factory=dict)
     first_row: int = 2
+    titles: Mapping[str, str] = field(default_factory=dict)
 
     def row(self, index: int | np.integer) -> str:
         """Name a reading in messages by its row in the table."""
@@ -59,8 +61,9 @@ class Readings:
             UserError: the resolution is not stated.
         """
         if name not in self.resolution:
-            expected = f"--resolution {name}=ONE DIGIT (0 if it is negligible)"
-            raise UserError(f"the resolution of '{name}' is not stated", file=self.file, expected=expected)
+            title = self.titles.get(name, name)
+            expected = f"--resolution {title}=ONE DIGIT (0 if it is negligible)"
+            raise UserError(f"the resolution of '{title}' is not stated", file=self.file, expected=expected)
         out = [rectangular(f"resolution of {name}", 0.5 * self.resolution[name]) for _ in range(times)]
         if self.accuracy.get(name):
             out.append(rectangular(f"limit of error of {name}", self.accuracy[name]))
@@ -81,12 +84,14 @@ def read(file: Path, resolution: Iterable[str], accuracy: Iterable[str]) -> Read
     """
     table = read_table(file)
     columns: dict[str, np.ndarray] = {}
+    titles: dict[str, str] = {}
     for full in table.names:
         name, factor = bare(full)
+        titles[name] = full
         if name in columns:
             raise UserError("the same column in two units", file=file, key=full)
         columns[name] = factor * _complete(table, full)
-    return of_instruments(Readings(file, columns, first_row=table.first_row), resolution, accuracy)
+    return of_instruments(Readings(file, columns, first_row=table.first_row, titles=titles), resolution, accuracy)
 
 
 def of_instruments(readings: Readings, resolution: Iterable[str], accuracy: Iterable[str]) -> Readings:
@@ -96,8 +101,7 @@ def of_instruments(readings: Readings, resolution: Iterable[str], accuracy: Iter
         UserError: an unknown name, one that is stated twice, or a number below 0.
     """
     digit, limit = (
-        _settings(flag, texts, readings.columns, readings.file)
-        for flag, texts in (("resolution", resolution), ("accuracy", accuracy))
+        _settings(flag, texts, readings) for flag, texts in (("resolution", resolution), ("accuracy", accuracy))
     )
     return replace(readings, resolution={**readings.resolution, **digit}, accuracy={**readings.accuracy, **limit})
 
@@ -207,13 +211,14 @@ def _complete(table: Table, name: str) -> np.ndarray:
     return values
 
 
-def _settings(flag: str, texts: Iterable[str], columns: Mapping[str, np.ndarray], file: Path) -> dict[str, float]:
+def _settings(flag: str, texts: Iterable[str], readings: Readings) -> dict[str, float]:
     out: dict[str, float] = {}
     for text in texts:
         full, _, number = text.partition("=")
         name, factor = bare(full)
-        if name not in columns:
-            raise UserError("no such column", file=file, key=f"--{flag}", got=full, choices=columns)
+        if name not in readings.columns:
+            choices = [readings.titles.get(column, column) for column in readings.columns]
+            raise UserError("no such column", file=readings.file, key=f"--{flag}", got=full, choices=choices)
         try:
             value = float(number)
         except ValueError:
@@ -221,6 +226,6 @@ def _settings(flag: str, texts: Iterable[str], columns: Mapping[str, np.ndarray]
         if not 0 <= value < np.inf:
             raise UserError("not a size", key=f"--{flag} {full}", expected="NAME=NUMBER, 0 or more", got=text)
         if name in out:
-            raise UserError("is stated twice", file=file, key=f"--{flag}", got=full)
+            raise UserError("is stated twice", file=readings.file, key=f"--{flag}", got=full)
         out[name] = factor * value
     return out
