@@ -343,6 +343,21 @@ def test_a_gap_in_one_file_of_a_folder_stays_a_gap(tmp_path):
     np.testing.assert_array_equal(effort[~inside], whole[~inside])
 
 
+def test_two_runs_in_each_file_of_a_folder_stay_apart(tmp_path):
+    """Their clocks begin again: a torque at 1 s is of the same run as the angle at 1 s."""
+    folder = tmp_path / "signals"
+    folder.mkdir()
+    again = {"t": np.concatenate([TIME, TIME])}
+    for name, values in (("position", Q), ("effort", TAU)):
+        both = np.concatenate([values, 2.0 * values[::-1]])
+        table(folder / f"arm_{name}.csv", again | {joint: both[:, k] for k, joint in enumerate(JOINTS)})
+    effort = read_table(folder).columns["arm_effort/lift_joint"]
+    np.testing.assert_array_equal(effort, np.concatenate([TAU[:, 1], 2.0 * TAU[::-1, 1]]))
+    table(folder / "arm_effort.csv", {"t": TIME, "lift_joint": TAU[:, 1]})
+    with pytest.raises(UserError, match="another number of runs; expected 2, as in arm_position.csv; got 1"):
+        read_table(folder)
+
+
 def test_a_joint_with_a_cell_that_is_no_number_is_not_taken_for_one_at_rest(tmp_path, arm):
     """A logger writes None where it has no reading."""
     broken = {**PLAIN, "q_1": [*map(repr, Q[:5, 1].tolist()), "None", *map(repr, Q[6:, 1].tolist())]}

@@ -127,11 +127,11 @@ def _episodes(tables: Sequence[Table]) -> dict[str, np.ndarray]:
 def _joined(folder: Path, tables: Sequence[Table]) -> dict[str, np.ndarray]:
     """Join the tables of one run on the times of the first one named position or angle, else of the longest.
 
-    Measured values are interpolated linearly, except across gaps; commands are held until the next. Column names get
-    the file's name as a prefix.
+    Measured values are interpolated linearly, except across gaps; commands are held until the next. Where the clock of
+    that table steps back, the next run begins in every table. Column names get the file's name as a prefix.
 
     Raises:
-        UserError: a table without samples or without a time, or times that do not overlap.
+        UserError: a table without samples or without a time, times that do not overlap, or other numbers of runs.
     """
     clocks = []
     for table in tables:
@@ -144,18 +144,41 @@ def _joined(folder: Path, tables: Sequence[Table]) -> dict[str, np.ndarray]:
     first = next((i for i, t in enumerate(tables) if re.search("pos|angle|state|_q|q_", t.file.stem.lower())), None)
     first = max(range(len(tables)), key=lambda i: tables[i].rows) if first is None else first
     time = tables[first].columns[clocks[first]]
+    runs = _runs(time)
     out = {clocks[first]: time}
     for table, clock in zip(tables, clocks, strict=True):
         at = table.columns[clock]
-        if at[0] > time[-1] or at[-1] < time[0]:
-            raise UserError("does not overlap the other files in time", file=table.file, key=clock)
-        at, once = np.unique(at, return_index=True)
-        for name, values in table.columns.items():
-            if name != clock:
-                key = _key(table, name)
-                if HELD.search(key):
-                    last = np.searchsorted(at, time, side="right") - 1
-                    out[key] = np.where(last >= 0, values[once][np.maximum(last, 0)], np.nan)
-                else:
-                    out[key] = linear(time, at, values[once, None])[:, 0]
+        own = _runs(at) if len(runs) > 1 else [slice(len(at))]
+        if len(own) != len(runs):
+            expected = f"{len(runs)}, as in {tables[first].file.name}"
+            raise UserError("has another number of runs", file=table.file, key=clock, expected=expected, got=len(own))
+        names = [name for name in table.columns if name != clock]
+        parts = [_onto(time[run], at[rows], table, names, rows) for run, rows in zip(runs, own, strict=True)]
+        out |= {_key(table, name): np.concatenate([part[name] for part in parts]) for name in names}
+    return out
+
+
+def _runs(time: np.ndarray) -> list[slice]:
+    """Return the rows of each stretch over which a clock (n,) does not step back."""
+    edges = [0, *(np.flatnonzero(np.diff(time) < 0) + 1).tolist(), len(time)]
+    return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
+
+
+def _onto(time: np.ndarray, at: np.ndarray, table: Table, names: Sequence[str], rows: slice) -> dict[str, np.ndarray]:
+    """Bring the `rows` of a table's columns, whose times are `at` (m,), onto the times (n,) of one run.
+
+    Raises:
+        UserError: the times do not overlap.
+    """
+    if at[0] > time[-1] or at[-1] < time[0]:
+        raise UserError("does not overlap the other files in time", file=table.file)
+    at, once = np.unique(at, return_index=True)
+    last = np.searchsorted(at, time, side="right") - 1
+    out: dict[str, np.ndarray] = {}
+    for name in names:
+        values = table.columns[name][rows][once]
+        if HELD.search(_key(table, name)):
+            out[name] = np.where(last >= 0, values[np.maximum(last, 0)], np.nan)
+        else:
+            out[name] = linear(time, at, values[:, None])[:, 0]
     return out
