@@ -14,7 +14,8 @@ FREQUENCIES = (0.1, 0.5, 1.0, 2.0, 4.0, 8.0)  # Hz, of the sines
 TRIANGLES = (0.01, 0.02, 0.05)  # rad/s, speeds of the triangles
 SLOWEST, SPEEDS = 0.004, 7  # rad/s, slowest speed of the ladder; number of its speeds, up to a third of the limit
 SIZES = (0.2, 0.5, 1.0)  # sizes of steps, as shares of the greatest
-HOLD, REST = 1.5, 0.5  # s: rest after each step; rest between two sines, and between two speeds of the ladder
+HOLD = 3.0  # s, rest after each step: one that finds the joint still swinging shows another damping
+REST = 0.5  # s: rest between two sines, and between two speeds of the ladder
 STROKE = 1.5  # s, time of each way in the ladder, unless the way is then under 0.04 rad or over twice the reach
 
 
@@ -84,7 +85,7 @@ def plan(
 
 def _steps(size: float, rate: float) -> Part:
     """Return steps from 0 to +-`size` rad and back at `rate` Hz, each held for HOLD."""
-    levels = np.array([0.0, size, 0.0, -size, 0.0, size, 0.0, -size, 0.0, size, 0.0, -size, 0.0])
+    levels = np.array([0.0, size, 0.0, -size, 0.0, size, 0.0, -size, 0.0])
     held = round(HOLD * rate)
     offset = np.repeat(levels, held)
     return Part(
