@@ -12,7 +12,7 @@ test:
 	$(PYTHON) -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder -m "not slow"
 
 slow:
-	$(PYTHON) -m pytest -q -m slow
+	$(PYTHON) -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder -m slow
 
 format:
 	$(PYTHON) -m ruff check --fix .

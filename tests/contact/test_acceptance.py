@@ -107,6 +107,7 @@ def test_every_size_of_an_effect_lies_on_one_way_from_none():
             assert sizes == sorted(sizes) and len({k for k, _ in way}) == 1
 
 
+@pytest.mark.slow
 def test_what_is_not_needed_beside_the_others_is_left_out_again():
     """A fixture that gives way beside a hidden friction goes out, the friction stays."""
     evidence = evidence_of([recorded((FRICTION,))])
@@ -120,6 +121,7 @@ def test_what_is_not_needed_beside_the_others_is_left_out_again():
     assert not remove_unneeded(searching, state, 0), "the only one is not asked for"
 
 
+@pytest.mark.slow
 def test_rivals_are_equal_within_what_chance_makes_of_lasting_errors():
     """One that is worse by less than a held-out confirmation, in all blocks alike, is as good; not one that explains
     a third; nor one that is worse by twice a confirmation.
@@ -195,6 +197,7 @@ def test_an_effect_may_be_absent_where_the_intervals_of_all_fitted_magnitudes_in
     assert may_be_absent(placed) == includes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("others", [(), (FRICTION,)])
 def test_what_may_as_well_not_be_there_is_taken_out(others):
     """Alone it leaves the model as it was given, beside another effect this one, fitted anew."""

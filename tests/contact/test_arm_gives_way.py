@@ -72,6 +72,7 @@ def squares(recs):
     return np.array(out)
 
 
+@pytest.mark.slow
 def test_the_true_arm_is_at_the_floor_and_a_press_on_the_table_tells_it_from_the_fixture(soft):
     """A soft fixture takes up most of what a soft arm leaves in a press on it; in a press beside it, nothing.
 

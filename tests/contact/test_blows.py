@@ -92,6 +92,7 @@ def test_damping_and_restitution_are_named_as_one_number_from_taps(hidden, true)
     assert got.high < 0.6 and "restitution" in found.notes[0]
 
 
+@pytest.mark.slow
 def test_nothing_is_named_where_damping_is_nominal_or_something_else_is_softer():
     assert not struck(World(), [tapped(1)], [tapped(2)]).effects
     soft = "contact_stiffness:scale=0.1"

@@ -76,6 +76,7 @@ def motions(case):
     return against_walls(0.0), against_walls(quarter(FOUND.scene))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", PAIRS)
 def test_the_named_experiment_separates_what_one_motion_cannot(case):
     """One class by a single motion (cosine of signatures above 0.97), below 0.9 with the one that a verdict names."""

@@ -51,6 +51,7 @@ def pictured(seed: int, *effects: EffectInstance, bend: float = 0.0, frames: int
     return replace(rec, frames=Frames(shots.cameras, tuple(out)), cell=CellBelief("nominal", board=STATED))
 
 
+@pytest.mark.slow
 def test_corners_are_readings_that_the_truth_leaves_little_of():
     hidden = EffectInstance.of("camera_offset", WRIST, x=0.004)
     evidence, _ = border_evidence_of(CELL, [pictured(3, hidden, frames=6)], [])
@@ -62,6 +63,7 @@ def test_corners_are_readings_that_the_truth_leaves_little_of():
     assert np.sqrt(np.mean(nominal[corners] ** 2)) > 1.0
 
 
+@pytest.mark.slow
 def test_pictures_of_recordings_of_one_name_keep_their_own_recording():
     """Both are called `rig`, and each item's frames have times of their own recording."""
     first, second = (replace(pictured(3, frames=6), path=Path(day, "rig")) for day in ("monday", "tuesday"))

@@ -55,6 +55,7 @@ def found(*hidden: EffectInstance, flat: float = 0.0) -> Sensed:
     return Sensed("depth", state, rivals, search.evidence, search.judged, LIT, [], search.shows_from(state), alike)
 
 
+@pytest.mark.slow
 def test_an_offset_is_no_scale_and_no_lean():
     result = found(EffectInstance.of("depth_bias", WRIST, offset=0.005))
     (named,) = result.added
@@ -76,6 +77,7 @@ def test_at_one_distance_an_offset_and_a_scale_compete():
     assert with_sensor(ADEQUATE, [result]).verdict == "ambiguous"
 
 
+@pytest.mark.slow
 def test_a_scale_stays_a_scale():
     result = found(EffectInstance.of("depth_scale", WRIST, factor=1.02))
     (named,) = result.added

@@ -31,6 +31,7 @@ def compared(days, numbers, out, capsys, model="fit/model.yaml"):
     return json.loads((out / "compare.json").read_text()), " ".join(capsys.readouterr().out.split())
 
 
+@pytest.mark.slow
 def test_a_robot_that_has_not_changed_is_said_not_to(days, tmp_path, capsys):
     record, said = compared(days, (1, 2, 3, 4), tmp_path / "same", capsys)
     assert "has the robot changed? no: all 2 values agree in 4 recordings with the identified model" in said
@@ -52,6 +53,7 @@ def test_what_has_changed_is_named_with_the_first_recording_that_shows_it(days, 
     assert "Has the robot changed?" in page and "outside since day-5" in page
 
 
+@pytest.mark.slow
 def test_a_model_without_intervals_asks_nothing(days, tmp_path, capsys):
     text = (days / "fit" / "model.yaml").read_text()
     bare = [line for line in text.splitlines() if not line.strip().startswith(("low:", "high:"))]

@@ -100,6 +100,7 @@ def test_a_late_sensor_reads_a_steady_turn_where_it_was():
     assert q[0, 2] == pytest.approx(0.5 * 20 * plant.h, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_soft_case_hides_many_and_its_folder_states_soft_gains(tmp_path):
     """A position loop of an eighth of the stiffness, and no word of what is hidden."""
     case = choose((), DEV, 3, "soft")[0]

@@ -107,6 +107,7 @@ def test_nothing_is_found_where_nothing_is_hidden():
     _check_silent(record)
 
 
+@pytest.mark.slow
 def test_a_camera_at_rest_shows_nothing_of_time_and_one_without_depth_nothing_of_depth():
     rec = pictured(3, frames=8)
     still = replace(rec.frames, frames=tuple(replace(f, rgb_source=rec.frames[0].rgb) for f in rec.frames))

@@ -94,6 +94,7 @@ def test_nothing_is_read_off_what_has_no_step_of_its_own(recordings):
     assert gridded(World(), rough) == (), "the stated noise is that of the rounding"
 
 
+@pytest.mark.slow
 def test_a_diagnosis_names_the_joint_that_reads_in_steps(recordings):
     first, second, third = rounded(recordings, joint3=STEP)
     found = diagnose(World(), [first, second], [third], plan_next=False)

@@ -158,6 +158,7 @@ def test_a_limit_that_the_validation_never_touches_is_named(recordings):
     assert "narrow" in record["recordings"]["fit"] and any("judges" in note for note in record["notes"])
 
 
+@pytest.mark.slow
 def test_what_one_recording_alone_shows_leaves_no_model_adequate(recordings):
     """Nothing can be named, and the model is not adequate: the limit shows in one recording, which none can judge."""
     narrow, once = recordings["narrow"], recordings["once"]

@@ -187,6 +187,7 @@ def test_several_are_tried_at_a_time_where_one_joint_comes_first_and_its_best_is
     assert [several for *_, several in search.asked] == [True], "beside a fit, several are tried from the first"
 
 
+@pytest.mark.slow
 def test_effects_are_exchanged_where_nothing_more_would_be_added(recordings):
     search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:])))
     search.least_share = 1e9  # of what the wrong effect removed: no further effect is tried

@@ -199,6 +199,7 @@ def test_what_was_asked_beside_a_state_is_not_simulated_again(damped):
     assert search.evidence.asked - before < 0.1 * asked
 
 
+@pytest.mark.slow
 def test_sizes_are_those_of_each_trial_by_itself(damped):
     """What is worked out for all trials together, and what is left out, changes none of them; beside a fit."""
     search, state = damped

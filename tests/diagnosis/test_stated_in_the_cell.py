@@ -35,6 +35,7 @@ def recorded():
     return [record_look(world, cameras=cameras, fps=0.5, rate_hz=100.0, noise={}, seed=k, name=f"l{k}") for k in (1, 2)]
 
 
+@pytest.mark.slow
 def test_compare_check_and_diagnosis_have_a_stated_fixture_where_a_cell_that_is_built_there_has_it(recorded):
     rec, found = recorded[0], []
     built = replace(cell(0.0), task={"fixture": [0.6 + MOVED, 0.0, 0.05]})
@@ -59,6 +60,7 @@ def test_an_effect_of_the_model_stands_in_for_the_stated_one(recorded):
     np.testing.assert_allclose(places, 2 * [0.6 + MOVED, 0.605])
 
 
+@pytest.mark.slow
 def test_a_diagnosis_finds_nothing_where_the_cell_states_all(recorded):
     found = CHANNELS["pictures"].diagnose(OPEN, (recorded[:1], recorded[1:]), How())
     assert found.record["verdict"] == "adequate" and not found.world.effects, found.record["reason"]

@@ -22,6 +22,7 @@ def test_the_step_is_a_share_of_the_time_in_which_the_rotor_turns_back():
     assert heavy == 1e-3 and light < heavy
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap", [3e-4, 6e-4])
 def test_a_light_rotor_stays_between_its_teeth(gap):
     """At its step a wrist's play of half a milliradian stays near what a quarter of the step makes of it."""

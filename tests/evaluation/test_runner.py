@@ -78,6 +78,7 @@ def test_workers_give_what_one_process_gives(policy, tmp_path):
     assert [e.to_json() for e in two] == [e.to_json() for e in one]
 
 
+@pytest.mark.slow
 def test_a_world_that_filament_draws_is_played_by_processes_that_end_with_their_job(policy, tmp_path):
     import tests.evaluation.fake_arena as fake
 

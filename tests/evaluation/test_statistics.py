@@ -309,6 +309,7 @@ def test_a_share_of_a_loss_covers_the_truth():
     assert share(np.array([[0, 1, -1, 0, 1, -1]]), np.array([[0, 1, -1, 0, -1, 1]])) is None, "no loss, no share"
 
 
+@pytest.mark.slow
 def test_a_falls_interval_covers_the_truth_as_often_as_it_says():
     rng, inside, alarms = stream(0, "falls"), [0, 0], [0, 0]
     for _ in range(200):

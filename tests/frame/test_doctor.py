@@ -16,6 +16,7 @@ from vispeg.cli.doctor import doctor as command
 from vispeg.core.broken import in_words, run
 
 
+@pytest.mark.slow
 def test_json_says_what_the_exit_code_says(capsys):
     code = command(["--json"])
     record = json.loads(capsys.readouterr().out)

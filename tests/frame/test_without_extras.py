@@ -133,6 +133,7 @@ def test_commands_that_need_none_and_take_longer_work(tmp_path):
     assert_all_work(LONGER, tmp_path)
 
 
+@pytest.mark.slow
 def test_the_others_name_their_extra_in_one_line_and_leave_nothing(tmp_path):
     (tmp_path / "log.mcap").write_bytes(b"\x89MCAP0\r\n")
     tube(tmp_path / "hole.stl")

@@ -114,6 +114,7 @@ def test_unusable_recordings_are_refused(recordings):
         evidence_for([recordings[0], replace(recordings[1], robot="other.xml")])
 
 
+@pytest.mark.slow
 def test_worlds_are_rolled_out_a_few_at_a_time_where_memory_is_short(evidence, monkeypatch):
     worlds = [World().add(EffectInstance.of("viscous_friction", "joint4", damping=0.1 * k)) for k in range(1, 25)]
     size = sum(4 * 8 * i.segment.time.size * i.nj for i in evidence.items)

@@ -12,6 +12,7 @@ from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.task import PegTask
 
 
+@pytest.mark.slow
 def test_the_least_duration_is_one_figure_and_true():
     scene = PegTask().cell(PegConfig(name="peg"))
     said = set()

@@ -96,6 +96,7 @@ def fast_shots(*effects: EffectInstance) -> tuple[Sight, list[Shot]]:
         return sight, shots_of(predictor, sight, CELL, np.zeros((len(stamps), len(scene.joints))))
 
 
+@pytest.mark.slow
 def test_a_border_is_smeared_by_its_own_speed_and_one_at_rest_is_not():
     seconds = 0.02
     blurred = EffectInstance.of("motion_blur", WRIST, length=0.0, exposure=seconds)

@@ -38,6 +38,7 @@ def test_tensorboard_has_the_rows_of_progress(tmp_path):
     assert not (tmp_path / "run" / "wandb").exists()
 
 
+@pytest.mark.slow
 def test_weights_and_biases_has_the_rows_of_progress_and_one_run_for_a_resumed_one(tmp_path, monkeypatch):
     pytest.importorskip("wandb")
     monkeypatch.setenv("WANDB_MODE", "offline")

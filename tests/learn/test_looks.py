@@ -23,6 +23,7 @@ def env():
     out.close()
 
 
+@pytest.mark.slow
 def test_looks_differ_in_pictures_alone_and_the_first_is_the_one_that_was_played(env, tmp_path):
     teacher = teacher_of("expert", env.env.config)  # episodes of three steps: some end while this is played
     one, many = (collect(env, teacher, None, 1.0, 5 * ROWS, 0.0, 7, looks=looks) for looks in (1, LOOKS))
@@ -43,6 +44,7 @@ def test_looks_differ_in_pictures_alone_and_the_first_is_the_one_that_was_played
     assert len(kept_ring(tmp_path / "ring", one)) == len(many), "a killed run finds them all"
 
 
+@pytest.mark.slow
 def test_afterwards_the_environment_is_seen_as_before(env):
     eyes = env.env.eyes
     with looking(env.env, 2):

@@ -106,6 +106,7 @@ def test_they_are_on_a_processor_that_rounds_by_place_number_and_alignment(name,
     assert_each_row_acts_as_it_would_alone(policy)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", [{"ATEN_CPU_CAPABILITY": "default", "DNNL_MAX_CPU_ISA": "SSE41"}])
 def test_they_are_on_other_paths_through_this_processor(path):
     this = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__, "-k", "whatever_plays_beside"]

@@ -44,6 +44,7 @@ def test_finetune_takes_them_and_does_what_its_options_say():
     assert {name: settings[name] for name in few} == few and load("tuned").modality == "depth"
 
 
+@pytest.mark.slow
 def test_a_known_share_is_played_with_the_tolerance_that_the_policy_was_made_for(tmp_path):
     """Two ways that must agree: the world in its record, and a file that states that world with this tolerance."""
     own = tmp_path / "own.yaml"

@@ -81,6 +81,7 @@ def curve(run):
         return [{k: v for k, v in row.items() if k != "seconds"} for row in csv.DictReader(stream)]
 
 
+@pytest.mark.slow
 def test_a_student_comes_near_what_a_folder_shows(folder, tmp_path):
     best = train(config(folder, "distill"), tmp_path / "run", make, False)
     assert success_rate(run_episodes(load(best), Reach(16, "depth"), range(900, 932))) > 0.9

@@ -117,6 +117,7 @@ def test_a_run_stops_once_its_target_was_reached_twice(tmp_path):
     assert len(curve(tmp_path / "run")) == 2
 
 
+@pytest.mark.slow
 def test_a_student_comes_near_its_teacher_and_the_run_can_go_on(tmp_path):
     sac = SacSettings(batch=32, hidden=(32, 32), actor_frozen=10, utd=0.25, clone_updates=10)
     c = config(
@@ -350,6 +351,7 @@ train.train(config(), Path(sys.argv[1]), make("state"), show=False)
 """
 
 
+@pytest.mark.slow
 def test_a_run_killed_while_it_learns_goes_on_to_the_same_bits(tmp_path):
     train(config(), tmp_path / "whole", make("state"), show=False)
     updates = [int(row["updates"]) for row in curve(tmp_path / "whole")]

@@ -122,6 +122,7 @@ def test_sines_give_the_transfer_function_with_coherence():
     assert servo.damping_ratio == pytest.approx(0.6, rel=0.03)
 
 
+@pytest.mark.slow
 def test_the_interval_of_the_bandwidth_holds_between_the_frequencies_of_the_plan():
     """The -3 dB point lies between sines of 2, 4 and 8 Hz: a line between them misses it by more than their noise."""
     held = 0

@@ -235,6 +235,7 @@ def test_a_lens_bends_the_picture_as_its_rays_say(cell):
     assert shot.rgb.shape == (64, 64, 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("width", "height", "f", "lens"), [
     (848, 480, 420.0, (0.01, 0.0, 0.0, 0.0, 0.0)), (640, 480, 600.0, (-0.28, 0.07, 0.0, 0.0, 0.0)),
 ])  # fmt: skip

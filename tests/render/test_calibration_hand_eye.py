@@ -41,6 +41,7 @@ def test_the_base_may_be_anywhere():
     assert np.allclose(a.pixels, b.pixels, atol=1e-2) and np.isclose(a.scatter, b.scatter, rtol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mount", "count"), [("flange", 7), pytest.param("base", 10, marks=pytest.mark.slow)])
 def test_intervals_hold_the_truth(mount, count):
     """About 95 % of them under a robot's errors, which pixel noise alone would not tell."""

@@ -42,6 +42,7 @@ def test_exact_transforms_give_the_camera_back(mount):
     assert np.abs(off(found.found.camera)).max() < 1e-6 and np.abs(off(found.found.board, Z)).max() < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mount", ["flange", "base"])
 def test_intervals_hold_the_truth(mount):
     inside = []

@@ -174,6 +174,7 @@ def test_without_the_remainder_conditions_are_not_known_and_bad_numbers_are_one_
         assert "\n" not in capsys.readouterr().err.strip() and not (tmp_path / "bad").exists()
 
 
+@pytest.mark.slow
 def test_the_remainder_may_be_of_other_recordings(place, tmp_path):
     other = folders(place / "hurts")[0]
     found, _ = explained(place, "harmless", tmp_path / "why", "--held-out", str(other))

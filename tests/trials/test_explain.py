@@ -72,6 +72,7 @@ def test_a_hidden_effect_is_ranked_before_others_and_explains_what_is_lost(cell,
     assert "coulomb_friction(joint4): torque 6" in page and all(f.name in page for f in folders(cell / "trials"))
 
 
+@pytest.mark.slow
 def test_apply_writes_the_world_that_the_causes_correct_and_it_draws_within_their_intervals(cell, tmp_path):
     found = explained(cell, tmp_path / "why", "--model", str(cell / "model.yaml"), "--apply", "--clearance", "2.9")
     world = tmp_path / "why" / "world.yaml"
@@ -84,6 +85,7 @@ def test_apply_writes_the_world_that_the_causes_correct_and_it_draws_within_thei
     assert load_world(world).task["clearance_mm"] == 2.9, "as in the replays"
 
 
+@pytest.mark.slow
 def test_apply_of_a_policy_that_fails_anywhere_sends_for_demonstrations_from_there(cell, tmp_path):
     found = explained(cell, tmp_path / "why", "--world", str(cell / "hidden.yaml"), "--apply")
     assert found["verdict"] == "policy" and not (tmp_path / "why" / "world.yaml").exists()
@@ -93,12 +95,14 @@ def test_apply_of_a_policy_that_fails_anywhere_sends_for_demonstrations_from_the
     assert len(starts) == sum(not read_said(f).outcome.success for f in folders(cell / "trials"))
 
 
+@pytest.mark.slow
 def test_demonstrations_are_asked_for_in_the_task_that_was_replayed(cell, tmp_path):
     asked = ["--world", str(cell / "hidden.yaml"), "--apply", "--clearance", "2.9"]
     command = explained(cell, tmp_path / "why", *asked)["next"]["command"].split()
     assert "--starts" in command and load_world(command[command.index("--world") + 1]).task["clearance_mm"] == 2.9
 
 
+@pytest.mark.slow
 def test_a_remainder_is_played_at_the_pace_of_the_task(cell, tmp_path):
     """Two ways that must agree: the control period as an option, and in the world's file."""
     shutil.copytree(folders(cell / "trials")[0], tmp_path / "one" / "trial-0001")
@@ -119,6 +123,7 @@ def test_actions_of_another_policy_are_refused_before_they_are_replayed(cell, tm
     assert not (tmp_path / "why").exists()
 
 
+@pytest.mark.slow
 def test_in_their_own_world_trials_end_as_they_did_by_policy_and_by_actions(cell, tmp_path):
     found = explained(cell, tmp_path / "why", "--world", str(cell / "hidden.yaml"), "--model", "iiwa14")
     for row in found["trials"]:
@@ -128,6 +133,7 @@ def test_in_their_own_world_trials_end_as_they_did_by_policy_and_by_actions(cell
     assert found["rules"][0]["value"] < 0.01, "deg"
 
 
+@pytest.mark.slow
 def test_an_effect_with_which_more_succeed_is_no_cause(cell, tmp_path):
     (tmp_path / "model.yaml").write_text(
         "format: vispeg-model/1\neffects: [{effect: coulomb_friction, where: joint4, params: {torque: 0.0}}]\n"
@@ -140,6 +146,7 @@ def test_an_effect_with_which_more_succeed_is_no_cause(cell, tmp_path):
     assert "first cause" not in found["words"]
 
 
+@pytest.mark.slow
 def test_few_trials_cannot_tell_and_without_a_model_no_cause_is_tried(cell, tmp_path):
     argv = ["evaluate", "expert", "--world", "nominal", "--episodes", "2", "--videos", "0", "--quiet", "--json"]
     assert main([*argv, "--out", str(tmp_path / "e"), "--keep-trials", str(tmp_path / "few")]) == 0
@@ -152,6 +159,7 @@ def test_few_trials_cannot_tell_and_without_a_model_no_cause_is_tried(cell, tmp_
     assert untried["causes"] == [] and UNTRIED in untried["notes"]
 
 
+@pytest.mark.slow
 def test_a_killed_run_that_goes_on_with_more_replays_finds_what_a_fresh_one_finds(cell, tmp_path):
     @contextmanager
     def killed(jobs, folder):

@@ -82,6 +82,7 @@ def test_joints_go_no_faster_and_no_farther_than_they_can(interface):
         assert np.hypot(metres, LEVER * radians) < left
 
 
+@pytest.mark.slow
 def test_beyond_its_reach_it_stays_finite_and_comes_back(interface):
     q0 = home(interface)
     goals, far = JointGoals(interface, q0), moved(interface.flange(q0), [1.5, 0, 0.5], [0, 0, 0])

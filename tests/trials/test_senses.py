@@ -58,6 +58,7 @@ def test_a_camera_that_sits_elsewhere_is_told_from_an_arm_that_sticks(cells, tmp
     assert not by[PICTURES]["points_to"] and by[PICTURES]["moved_mm"] < LEAST, "the same places look the same"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HIDDEN)
 def test_in_their_own_world_no_sense_moves_the_action(cells, tmp_path, name):
     found, by = explained(cells / name, cells / f"{name}.yaml", tmp_path / "own")
@@ -78,6 +79,7 @@ def test_the_policy_acts_on_a_kept_trial_as_it_acted_then(cells):
         assert len(places(trial)) == len(trial.steps.time)
 
 
+@pytest.mark.slow
 def test_how_far_an_arm_repeats_decides_what_is_called(cells, tmp_path):
     """An arm that its world says repeats to within a metre points to nothing, and an unknown one is assumed."""
     world = tmp_path / "loose.yaml"

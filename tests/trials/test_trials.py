@@ -129,6 +129,7 @@ def test_trials_of_another_policy_of_that_name_are_noted(kept):
     assert "another policy than the expert" in note
 
 
+@pytest.mark.slow
 def test_a_trial_is_a_recording_that_compare_reads(tmp_path):
     """It begins at rest in free air, so that contact is compared too: of its own cell nothing is left to explain."""
     trial = ran(Lockstep("nominal"), rest=REST)

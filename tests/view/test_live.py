@@ -77,6 +77,7 @@ def listening(pid):
     return out
 
 
+@pytest.mark.slow
 def test_a_run_is_followed_and_stopped_from_beside_it(tmp_path):
     """The state advances; an id that is another's stops nothing; what is left are trials alone."""
     place = tmp_path / "trials"
@@ -115,6 +116,7 @@ def test_a_run_is_followed_and_stopped_from_beside_it(tmp_path):
         ask_stop(place, second.id)
 
 
+@pytest.mark.slow
 def test_a_run_that_was_killed_is_not_in_progress_and_the_next_one_begins(tmp_path):
     place = tmp_path / "trials"
     with running(place) as there:

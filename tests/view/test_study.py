@@ -184,6 +184,7 @@ def test_partial_effects_are_fitted_anew_and_the_search_ends_as_the_command_does
     assert made.state.world.label == command.world.label
 
 
+@pytest.mark.slow
 def test_steps_of_encoders_stand_in_the_ladder(rigs, tmp_path):
     """The readings show them before any search."""
     for name in ("rig-a", "rig-b", "rig-c"):
@@ -201,6 +202,7 @@ def test_steps_of_encoders_stand_in_the_ladder(rigs, tmp_path):
     assert [e.label for e in made.state.world.effects] == ["encoder_quantization(all)"]
 
 
+@pytest.mark.slow
 def test_a_step_is_taken_back_whole(rigs, by_hand, tmp_path):
     heard = Heard()
     made = study(rigs, tmp_path, heard=heard)
@@ -240,6 +242,7 @@ def test_another_search_in_the_same_folder_keeps_to_a_folder_of_its_own(rigs, by
     assert again.part.name == "found-2.part" and not again.done
 
 
+@pytest.mark.slow
 def test_what_is_refused_is_not_added_unless_the_user_wants_it(rigs, tmp_path, elbow):
     heard = Heard()
     made = study(rigs, tmp_path, heard=heard)

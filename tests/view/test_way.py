@@ -59,6 +59,7 @@ def test_from_nothing_to_what_is_missing(rigs, served, monkeypatch):
     assert says(study)[1] == 1 and study.standing is None and not study.missing.visible
 
 
+@pytest.mark.slow
 def test_commands_name_what_was_compared_and_another_model_ends_the_work(rigs, served):
     study = served(rigs / "arm.xml", rigs / "rig-a", rigs / "rig-b").study
     until(lambda: study.candidates and not study.job.busy)

@@ -12,6 +12,7 @@ GRAVE = """async () => (await axe.run()).violations.filter(v => ['serious', 'cri
     [v.id, v.nodes.map(n => n.html.slice(0, 200))])"""
 
 
+@pytest.mark.slow
 def test_each_window_has_its_system_s_colours_until_somebody_chooses(rigs, page_of, served):
     app = served(rigs / "arm.xml")
     dark, light = page_of(app, color_scheme="dark"), page_of(app, color_scheme="light")

@@ -91,6 +91,7 @@ def test_an_episode_is_that_of_the_task():
     env.close()
 
 
+@pytest.mark.slow
 def test_an_episode_is_that_of_its_command_and_ends_the_one_that_still_plays(place):
     from vispeg.view.policy_page import PolicyPage
 

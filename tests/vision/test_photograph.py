@@ -240,6 +240,7 @@ def test_what_the_joints_read_is_not_where_they_are(stage):
     assert errors[1] < 3e-4 < errors[0]
 
 
+@pytest.mark.slow
 def test_a_cell_is_recorded_with_the_effects_that_it_states(stage):
     """Joints and pictures are those of a world that has the effects; those of what takes no part are ignored."""
     _, cameras, _ = stage

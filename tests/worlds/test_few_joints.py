@@ -28,6 +28,7 @@ def test_a_world_of_it_is_refused_with_one_line(home, tmp_path):
         load_world(tmp_path / "three.yaml")
 
 
+@pytest.mark.slow
 def test_what_the_refusal_offers_works(tmp_path):
     """The arm's own file is recorded, and compared with what was recorded."""
     (tmp_path / "arm.xml").write_text(ARM)
