@@ -167,3 +167,24 @@ def test_what_one_recording_alone_shows_leaves_no_model_adequate(recordings):
     assert record["unexplained"] is not None and record["unexplained"]["shows_in"] == "once"
     assert record["next_experiment"] is not None and "motion like it" in record["next_experiment"]["why"]
     assert "only in once" in words.verdict(record)
+
+
+def test_what_a_fitted_recording_alone_shows_beside_a_named_effect_leaves_the_rest_unexplained(tmp_path):
+    """Friction of the elbow shows in all; the shoulder's drive saturates in a fitted one and in none that judges."""
+    (tmp_path / "arm.xml").write_text(ARM)
+    robot, recs, t = load(tmp_path / "arm.xml"), [], np.arange(600) * 5e-3
+    friction = EffectInstance.of("viscous_friction", "elbow", damping=0.3)
+    world = World().add(friction, EffectInstance.of("torque_limit", "shoulder", limit=6.0))
+    for i, size in enumerate((0.3, 0.5, 0.3)):
+        swing = (1 - np.cos(2 * np.pi * np.outer(t, [0.9 - 0.05 * i, 0.7 + 0.1 * i]))) * [size, 0.3]
+        s = drive(robot, "position", 0.0, command=swing, seconds=3.0, rate=200.0, kp=60.0, kd=4.0)
+        rec = recorded(robot, robot.source, world, s, stream(5, i), h_max=1e-3)
+        recs.append(replace(rec, path=Path("ABC"[i])))
+    record = diagnose(World(robot.source), recs[:2], recs[2:], nthread=1).record
+    assert record["verdict"] == "unexplained" and record["unexplained"]["shows_in"] == "B"
+    assert "what B alone shows cannot be judged" in record["reason"]
+    assert words.verdict(record).endswith(
+        "but what is left shows only in B, so no other recording can test an explanation."
+    )
+    assert [(e["effect"], e["where"]) for e in record["effects"]] == [(friction.effect, friction.where)]
+    assert record["next_experiment"] is not None and "motion like it" in record["next_experiment"]["why"]

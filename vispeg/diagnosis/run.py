@@ -14,7 +14,7 @@ from vispeg.diagnosis.conclusion.intervals import of_form, widened
 from vispeg.diagnosis.conclusion.next_experiment import next_experiment, repeated
 from vispeg.diagnosis.conclusion.shows_from import joints_show_from
 from vispeg.diagnosis.conclusion.subsets import subsets
-from vispeg.diagnosis.conclusion.verdict import decide, without_tentative
+from vispeg.diagnosis.conclusion.verdict import decide, undecided, without_tentative
 from vispeg.diagnosis.evidence.base_parameters import base_parameters
 from vispeg.diagnosis.evidence.localise import maps, missing_torque, peaks, where_it_fails
 from vispeg.diagnosis.evidence.motionless import refuse_motionless
@@ -110,12 +110,14 @@ def diagnose(
         say("least squares of base parameters, to compare with")
         least = base_parameters(evidence, judged, world)
     mark = None if least is None else _mean_square(judged, least)
-    unjudged = None if roles is None else roles.unjudged(state.world, evidence)
+    unjudged = parts.unjudged(state.world)
     worst = farthest(judged, after_held, floor)
     n_added = len(state.world.effects) - n_given
     errors = judged.errors([world, state.world])
     seen = (errors[0] / judged.floor, errors[1] / judged.floor)
     verdict = decide(before, after, n_added, rivals, depends, floor, mark, unjudged, worst, len(begin.read), seen)
+    if verdict.verdict != "unexplained" and (outdone := parts.outdone(state.world)) is not None:
+        verdict, unjudged = undecided(outdone), outdone
     changing = search.changes(state, n_fixed)
     unsure = never_named(state, n_fixed)
     if verdict.partial and state.fit is not None:

@@ -55,8 +55,7 @@ def decide(
     """
     first, last = errors or (np.sqrt(before), np.sqrt(after))
     if unjudged is not None:
-        rest = {"depends_on": [], "text": unjudged.note, "explained_share": 0.0, "shows_in": unjudged.alone}
-        return Verdict("unexplained", unjudged.note, rest, partial=True)
+        return undecided(unjudged)
     excess_before, excess_after = max(before - floor, 1e-9), max(after - floor, 0.0)
     explained = 1.0 - excess_after / excess_before
     at_floor = after <= RULES.adequate * floor
@@ -98,6 +97,12 @@ def decide(
     return Verdict(
         "identified", f"held-out error fell from {times(first)} to {times(last)} × the noise floor{remainder}"
     )
+
+
+def undecided(roles: Roles) -> Verdict:
+    """Return the verdict where one recording alone shows what the model lacks."""
+    rest = {"depends_on": [], "text": roles.note, "explained_share": 0.0, "shows_in": roles.alone}
+    return Verdict("unexplained", roles.note, rest, partial=True)
 
 
 def confounded(names: Sequence[str]) -> str:

@@ -60,6 +60,24 @@ class Sides:
     judged: Evidence
     roles: Roles | None
 
+    def unjudged(self, world: World) -> Roles | None:
+        """Return the roles if only one recording shows what a model lacks, and `world` still lacks it; else None."""
+        return None if self.roles is None else self.roles.unjudged(world, self.evidence)
+
+    def outdone(self, world: World) -> Roles | None:
+        """Return these recordings, with a note, if a fitted one is much farther from `world` than all that judge.
+
+        So it shows something that they do not, by which no effect is judged. None if there is no such recording.
+        """
+        errors, judging = shown(self.evidence, world), max(shown(self.judged, world))
+        if max(errors) <= RULES.loud * max(judging, 1.0):
+            return None
+        name = self.fitted[int(np.argmax(errors))].name
+        names = ", ".join(r.name for r in self.held_out)
+        far = f"{name} is {floors(max(errors))} × the noise floor from the model, {names} {floors(judging)} ×"
+        note = f"{far}: what {name} alone shows cannot be judged before another recording shows it"
+        return Roles([*self.fitted], [*self.held_out], note, name)
+
     def part(self, progress: Progress) -> Progress:
         """Return the progress of these sides: answers fitted to what judges now are not to be had again."""
         if self.roles is None or self.held_out is not self.roles.held_out:

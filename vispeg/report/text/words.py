@@ -147,12 +147,13 @@ def verdict(values: Mapping[str, Any]) -> str:
     if kind == "ambiguous":
         return _ambiguous(values, there or (_down(values) if down else BEST))
     if kind == "unexplained":
-        if only := _shows_in(values):
-            return f"The model's error shows only in {only}, so no other recording can test an explanation."
         count = len(_tentative(values))
         parts = [named(names)] if names else []
         parts += [f"{count} tentative effect{'s' if count > 1 else ''}"] if count else []
         helped = f"{join(parts)} {'help' if len(names) + count > 1 else 'helps'}, but " if parts else ""
+        if only := _shows_in(values):
+            left = "what is left" if helped else "The model's error"
+            return f"{helped}{left} shows only in {only}, so no other recording can test an explanation."
         if what := _left_over(values):
             return f"{helped}not all is explained: {what}." if helped else f"What is left: {what}."
         rest = f"{helped}a structured residual remains that no known effect explains."
