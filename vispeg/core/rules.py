@@ -143,7 +143,8 @@ class Compared:
         "Noise variances up to which the held-out recording shows nothing that the model lacks and cannot judge.",
         case="a drive that saturates in two of three motions and not in the held-out one")
     loud: float = _rule(10.0, "joints", "7abebd9a",
-        "Noise variances from which a fitted recording shows it and judges instead; at the end times the held-out one.",
+        "Noise variances from which a fitted recording shows it and judges instead. "
+        "Of the final model: multiples of the held-out error.",
         case="the same")
     half_least: float = _rule(2.4, "joints", "c0359c29",
         "Seconds that half a recording must last to judge the other half.",

@@ -142,8 +142,7 @@ def _opened(path: Path) -> tuple[Recording, np.ndarray, np.ndarray, Rotation]:
     """Load a recording; also return its wrench (n, 6), and the flange's positions (n, 3) m and n rotations in the base.
 
     The wrench is that of the flange on the tool, about the flange's origin, flange axes. The pose is measured, rows
-    without it are left out; or, if `ee` was not recorded, it is from the
-    robot's kinematics and angles without gaps.
+    without it are left out. If `ee` was not recorded, it is from the robot's kinematics and angles without gaps.
     """
     rec = load(path)
     check_units(rec)
