@@ -10,7 +10,7 @@ from loops import ARM, drive, hinge, pendulum, recorded
 from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.evidence.roles import Roles, recast, shown
+from vispeg.diagnosis.evidence.roles import Roles, halves, recast, shown
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.run import diagnose
 from vispeg.diagnosis.selection.judge import Judge
@@ -97,7 +97,23 @@ def test_what_both_halves_of_one_recording_show_is_judged_by_the_second(recordin
     assert found is not None and not found.alone
     assert [r.name for r in found.fitted] == ["wide, first half", "narrow", "narrow"]
     (second,) = found.held_out
-    assert second.name == "wide, second half" and second.time[0] == recordings["wide"].time[len(second.time)]
+    assert second.name == "wide, second half" and second.compared is not None
+    wide = recordings["wide"]
+    assert np.array_equal(second.q, wide.q), "the whole is simulated"
+    assert np.array_equal(second.compared, wide.time >= wide.time[len(wide.time) // 2]), "the second half is compared"
+    assert found.fitted[0].time[-1] < wide.time[second.compared][0]
+
+
+def test_the_half_that_judges_leaves_only_noise_of_the_true_model(recordings):
+    """A drive saturates at the cut, so that a rollout that begins there would start from a wrong state."""
+    found, evidence, _ = roles(recordings, ["narrow", "wide"], ["narrow"])
+    truth, judged = World(recordings["wide"].robot).add(LIMIT), Evidence(found.held_out)
+    (cut,) = shown(Evidence([halves(recordings["wide"])[1]]), truth)
+    (whole,) = shown(Evidence([recordings["wide"]]), truth)
+    (error,) = shown(judged, truth)
+    assert error == pytest.approx(whole, rel=0.15) and cut > RULES.loud > error
+    assert judged.count == pytest.approx(Evidence([recordings["wide"]]).count / 2, rel=0.1)
+    assert shown(judged, World(recordings["wide"].robot))[0] > RULES.loud
 
 
 def test_the_halves_of_short_episodes_last_as_long_together(recordings):
@@ -106,7 +122,8 @@ def test_the_halves_of_short_episodes_last_as_long_together(recordings):
     wide = replace(recordings["wide"], episode=number, time=recordings["wide"].time - 1.25 * number)
     found, *_ = roles({**recordings, "wide": wide}, ["narrow", "wide"], ["narrow"])
     assert found is not None and [r.name for r in found.held_out] == ["wide, second half"]
-    assert set(found.held_out[0].episode) == {2, 3}
+    (second,) = found.held_out
+    assert set(second.episode[second.compared]) == {2, 3}
 
 
 @pytest.mark.parametrize("held_out", ["wide", "narrow"])

@@ -231,6 +231,8 @@ class Evidence(Freedom):
             thin = slice(None, None, every)
             segment = replace(segment, time=segment.time[thin], rows=segment.rows[thin])
             late = (segment.time >= settle)[:, None]
+            if rec.compared is not None:
+                late = late & rec.compared[segment.rows][:, None]
             if contact is not None:
                 free = contact.free[segment.rows]
                 if not free.any():

@@ -215,6 +215,7 @@ def _items(rec: Recording, sigma: np.ndarray, contact: Contact | None) -> list[I
         whose = "the controller" if rec.control.mode == "unknown" else "another recording's controller"
         raise UserError(f"{whose} is unknown and {why}", file=header, key=key, expected=expected)
     free = np.ones(len(rec.time), bool) if contact is None else contact.free
+    free = free if rec.compared is None else free & rec.compared
     long = long_runs(rec)
     if not long:
         raise UserError(f"too short to compare: every episode lasts under {2 * ENDS:g} s", file=rec.path)

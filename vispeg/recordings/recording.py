@@ -126,6 +126,8 @@ class Recording:
         signals: name -> further signal measured in every joint, as the header declares it.
         frames: pictures, or None if there are none.
         chosen: the windows of a longer recording that this one consists of (`recordings.windows`), or None if whole.
+        compared: (n,) bool, the samples at which a model is compared with it; the others are simulated all the same.
+            None for all of them.
     """
 
     path: Path
@@ -157,6 +159,7 @@ class Recording:
     signals: Mapping[str, Signal] = field(default_factory=dict)
     frames: Frames | None = None
     chosen: Chosen | None = None
+    compared: np.ndarray | None = None
 
     @property
     def name(self) -> str:
@@ -165,7 +168,8 @@ class Recording:
 
     def some(self, rows: Any) -> Recording:
         """Select samples by the index `rows`; all frames are kept."""
-        columns = {k: v[rows] for k in ("time", "episode", *SIGNALS) if (v := getattr(self, k)) is not None}
+        names = ("time", "episode", "compared", *SIGNALS)
+        columns = {k: v[rows] for k in names if (v := getattr(self, k)) is not None}
         signals = {k: replace(s, values=s.values[rows]) for k, s in self.signals.items()}
         return replace(self, signals=signals, **columns)
 

@@ -123,7 +123,7 @@ def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
         ):
             rest = [r for r in evidence.recordings if r is not loud[0]]
             note = f"only {loud[0].name} shows what the model lacks: its second half judges what is fitted to its first"
-            return Roles([first, *rest, *judged.recordings], [second], note, converted=converted)
+            return Roles([first, *rest, *judged.recordings], [continued(loud[0])], note, converted=converted)
         far = f"{loud[0].name} is {floors(max(errors))} × the noise floor from the model"
         note = f"{far}, and none of it shows in {names}: nothing can be judged before another recording shows it"
         return Roles(evidence.recordings, judged.recordings, note, loud[0].name)
@@ -140,6 +140,19 @@ def halves(rec: Recording) -> tuple[Recording, Recording]:
     for name, rows in (("first", slice(None, middle)), ("second", slice(middle, None))):
         out.append(replace(rec.some(rows), path=rec.path.with_name(f"{rec.name}, {name} half")))
     return out[0], out[1]
+
+
+def continued(rec: Recording) -> Recording:
+    """Return the whole of a recording, compared in its second half alone.
+
+    The state at the cut is not known: how far a drive lags behind, which way a gear is wound. Of an arm whose drive
+    saturates, a rollout of the correct model from the cut is up to 10,000 noise variances off (43 in a case of
+    scripts/bench/hidden_effects), a rollout from the start of the recording 1 to 3.
+    """
+    middle = len(rec.time) // 2
+    return replace(
+        rec, compared=np.arange(len(rec.time)) >= middle, path=rec.path.with_name(f"{rec.name}, second half")
+    )
 
 
 def shown(evidence: Evidence, world: World) -> list[float]:
