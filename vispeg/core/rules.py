@@ -139,13 +139,10 @@ class Compared:
     noise_magnified: float = _rule(10.0, "joints", "671f1452",
         "Noise variances that fed-back noise leaves of the right model, from which no effect is looked for.",
         case="effects of micrometres named on an effect-free arm near a singular posture")
-    quiet: float = _rule(1.25, "joints", "7abebd9a",
-        "Noise variances up to which the held-out recording shows nothing that the model lacks and cannot judge.",
-        case="a drive that saturates in two of three motions and not in the held-out one")
     loud: float = _rule(10.0, "joints", "7abebd9a",
-        "Noise variances from which a fitted recording shows it and judges instead. "
-        "Of the final model: multiples of the held-out error.",
-        case="the same")
+        "Multiple of the greatest held-out squared error (of the noise at least) from which a fitted recording shows "
+        "something that no held-out one does: before the search it judges too, after it nothing is identified.",
+        case="a drive that saturates in two of three motions and not in the held-out one")
     half_least: float = _rule(2.4, "joints", "c0359c29",
         "Seconds that half a recording must last to judge the other half.",
         reason="twice `settle_observed`")

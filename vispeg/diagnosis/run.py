@@ -110,14 +110,13 @@ def diagnose(
         say("least squares of base parameters, to compare with")
         least = base_parameters(evidence, judged, world)
     mark = None if least is None else _mean_square(judged, least)
-    unjudged = parts.unjudged(state.world)
     worst = farthest(judged, after_held, floor)
     n_added = len(state.world.effects) - n_given
     errors = judged.errors([world, state.world])
     seen = (errors[0] / judged.floor, errors[1] / judged.floor)
-    verdict = decide(before, after, n_added, rivals, depends, floor, mark, unjudged, worst, len(begin.read), seen)
-    if verdict.verdict != "unexplained" and (outdone := parts.outdone(state.world)) is not None:
-        verdict, unjudged = undecided(outdone), outdone
+    verdict = decide(before, after, n_added, rivals, depends, floor, mark, worst, len(begin.read), seen)
+    unjudged = parts.outdone(state.world) if verdict.verdict != "unexplained" or not n_added else None
+    verdict = verdict if unjudged is None else undecided(unjudged)
     changing = search.changes(state, n_fixed)
     unsure = never_named(state, n_fixed)
     if verdict.partial and state.fit is not None:

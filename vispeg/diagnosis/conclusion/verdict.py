@@ -28,7 +28,6 @@ def decide(
     depends: Sequence[Dependence],
     floor: float = 1.0,
     mark: float | None = None,
-    unjudged: Roles | None = None,
     farthest: float | None = None,
     n_read: int = 0,
     errors: tuple[float, float] | None = None,
@@ -45,8 +44,6 @@ def decide(
             or the loop feeds noise back.
         mark: held-out mean squared whitened residual that least squares of all base parameters, friction and bias
             leaves; None if unknown.
-        unjudged: how the recordings were divided, if only one of them shows what is missing, so that no verdict on the
-            held-out ones is possible; None if one is.
         farthest: mean squared whitened residual over its own floor, of the kind of reading (angles, torques or loads)
             that the final model describes worst; by default `after` over `floor`.
         n_read: number of added effects that were read directly from the measured angles, not fitted.
@@ -54,8 +51,6 @@ def decide(
             the roots of `before` and `after`.
     """
     first, last = errors or (np.sqrt(before), np.sqrt(after))
-    if unjudged is not None:
-        return undecided(unjudged)
     excess_before, excess_after = max(before - floor, 1e-9), max(after - floor, 0.0)
     explained = 1.0 - excess_after / excess_before
     at_floor = after <= RULES.adequate * floor

@@ -1,8 +1,8 @@
-"""Choose the held-out recordings: those requested, unless they do not show what the model lacks.
+"""Choose the recordings that judge: those requested, and one more if they do not show what the model lacks.
 
 Example: a drive saturates in two motions, but the held-out one is a third, on which saturation cannot be judged. Then
-one of the two is held out instead, and the third is fitted. If the drive saturates in a single motion, but in both
-halves of it, the first half is fitted and the second is held out.
+one of the two is held out as well. If the drive saturates in a single motion, but in both halves of it, the first half
+is fitted and the second judges.
 """
 
 from __future__ import annotations
@@ -32,16 +32,11 @@ class Roles:
     evidence of them lacks (`Evidence.converted`).
     """
 
-    fitted: list[Recording]
-    held_out: list[Recording]
+    fitted: Sequence[Recording]
+    held_out: Sequence[Recording]
     note: str
     alone: str = ""
     converted: tuple[str, ...] = ()
-
-    def unjudged(self, world: World, evidence: Evidence) -> Roles | None:
-        """Return these roles if only one recording shows what a model lacks, and `world` still lacks it."""
-        errors = zip(evidence.recordings, shown(evidence, world), strict=True)
-        return self if any(r.name == self.alone and error > RULES.loud for r, error in errors) else None
 
 
 @dataclass(frozen=True)
@@ -51,7 +46,7 @@ class Sides:
     Attributes:
         fitted, held_out: the recordings.
         evidence, judged: the evidence of each.
-        roles: set if no requested held-out recording shows what the model lacks (`recast`).
+        roles: set if no requested held-out recording shows what a fitted one shows (`recast`).
     """
 
     fitted: Sequence[Recording]
@@ -60,23 +55,19 @@ class Sides:
     judged: Evidence
     roles: Roles | None
 
-    def unjudged(self, world: World) -> Roles | None:
-        """Return the roles if only one recording shows what a model lacks, and `world` still lacks it; else None."""
-        return None if self.roles is None else self.roles.unjudged(world, self.evidence)
-
     def outdone(self, world: World) -> Roles | None:
         """Return these recordings, with a note, if a fitted one is much farther from `world` than all that judge.
 
         So it shows something that they do not, by which no effect is judged. None if there is no such recording.
         """
-        errors, judging = shown(self.evidence, world), max(shown(self.judged, world))
-        if max(errors) <= RULES.loud * max(judging, 1.0):
+        loud, errors, judging = louder(self.evidence, self.judged, world)
+        if not loud:
             return None
         name = self.fitted[int(np.argmax(errors))].name
         names = ", ".join(r.name for r in self.held_out)
         far = f"{name} is {floors(max(errors))} × the noise floor from the model, {names} {floors(judging)} ×"
         note = f"{far}: what {name} alone shows cannot be judged before another recording shows it"
-        return Roles([*self.fitted], [*self.held_out], note, name)
+        return Roles(self.fitted, self.held_out, note, name)
 
     def part(self, progress: Progress) -> Progress:
         """Return the progress of these sides: answers fitted to what judges now are not to be had again."""
@@ -100,38 +91,50 @@ def _both(fitted: Sequence[Recording], held_out: Sequence[Recording], nthread: i
 
 
 def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
-    """Reassign the roles of recordings if no held-out one shows what the model lacks.
+    """Add a judge if fitted recordings show something that no held-out one shows (`louder`); None if none does.
 
-    None if a held-out recording shows it, or no recording does. If several fitted recordings show it, the last of them
-    is held out, but never the one that shows most. If only one does, its second half is held out, provided both halves
-    show it; else roles stay, `alone` is set, and the note says that nothing can be judged on other data.
+    If several show it, the last of them judges, but never the one that shows most. If only one does, its second half
+    judges, provided both halves show it; else roles stay, `alone` is set, and the note says that nothing can be judged
+    on other data.
     """
-    if max(shown(judged, world)) > RULES.quiet:
-        return None
-    errors = shown(evidence, world)
-    loud = [r for r, error in zip(evidence.recordings, errors, strict=True) if error > RULES.loud]
+    loud, errors, judging = louder(evidence, judged, world)
     if not loud:
         return None
     names = ", ".join(r.name for r in judged.recordings)
     converted = tuple(dict.fromkeys([*evidence.converted, *judged.converted]))
     if len(loud) == 1:
-        first, second = halves(loud[0])
+        (only,) = loud
+        first, second = halves(only)
         others = [*evidence.recordings, *judged.recordings]
         if (
             spanned(second.time, second.episode) > RULES.half_least
-            and min(shown(evidence_for([first, second], beside=others), world)) > RULES.loud
+            and min(shown(evidence_for([first, second], beside=others), world)) > RULES.loud * judging
         ):
-            rest = [r for r in evidence.recordings if r is not loud[0]]
-            note = f"only {loud[0].name} shows what the model lacks: its second half judges what is fitted to its first"
-            return Roles([first, *rest, *judged.recordings], [continued(loud[0])], note, converted=converted)
-        far = f"{loud[0].name} is {floors(max(errors))} × the noise floor from the model"
-        note = f"{far}, and none of it shows in {names}: nothing can be judged before another recording shows it"
-        return Roles(evidence.recordings, judged.recordings, note, loud[0].name)
+            fitted = [first, *(r for r in evidence.recordings if r is not only)]
+            note = (
+                f"only {only.name} shows what the model lacks most: its second half judges what is fitted to its first"
+            )
+            return Roles(fitted, [*judged.recordings, continued(only)], note, converted=converted)
+        far = f"{only.name} is {floors(max(errors))} × the noise floor from the model"
+        note = f"{far}, and {names} {floors(judging)} ×: what it alone shows cannot be judged before another shows it"
+        return Roles(evidence.recordings, judged.recordings, note, only.name)
     most = evidence.recordings[int(np.argmax(errors))]
     judge = [r for r in loud if r is not most][-1]
-    rest = [r for r in evidence.recordings if r is not judge]
-    note = f"nothing that the model lacks shows in {names}, so {judge.name} judges, and the fit includes {names}"
-    return Roles([*rest, *judged.recordings], [judge], note, converted=converted)
+    fitted = [r for r in evidence.recordings if r is not judge]
+    note = f"what the model lacks most does not show in {names}, so {judge.name} judges too"
+    return Roles(fitted, [*judged.recordings, judge], note, converted=converted)
+
+
+def louder(evidence: Evidence, judged: Evidence, world: World) -> tuple[list[Recording], list[float], float]:
+    """Return the fitted recordings that show something of which no held-out one shows a share.
+
+    Returns:
+        recordings whose error is over `RULES.loud` times the greatest held-out one (1 at least), the error of each
+        fitted one, and that greatest one: mean squared whitened residuals.
+    """
+    errors, judging = shown(evidence, world), max([1.0, *shown(judged, world)])
+    loud = [r for r, error in zip(evidence.recordings, errors, strict=True) if error > RULES.loud * judging]
+    return loud, errors, judging
 
 
 def halves(rec: Recording) -> tuple[Recording, Recording]:
