@@ -126,10 +126,10 @@ def _shrunk(world: World, free: Sequence[int], share: float) -> World:
 def _draw(space: Space, rng: np.random.Generator) -> np.ndarray:
     """Return coordinates of a random start: magnitudes up to four typical sizes from null, all else within bounds."""
     low, high = space.bounds
-    return np.array([_one(space, a, lo, hi, rng) for a, lo, hi in zip(space.axes, low, high, strict=True)])
+    return np.array([_draw_one(space, a, lo, hi, rng) for a, lo, hi in zip(space.axes, low, high, strict=True)])
 
 
-def _one(space: Space, axis: Axis, low: float, high: float, rng: np.random.Generator) -> float:
+def _draw_one(space: Space, axis: Axis, low: float, high: float, rng: np.random.Generator) -> float:
     """Return one coordinate of a random start within bounds."""
     if axis.param.shape or axis.param.scale == "log":
         return float(rng.uniform(low, high))

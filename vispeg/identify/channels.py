@@ -22,7 +22,7 @@ UNITS = {
     "servo": "rad",
     "torque": "N m",
     "needed": "N m",
-    "load": "of the log",
+    "load": "of the log",  # whatever unit the servo reports
     "force": "N",
     "moment": "N m",
 }
@@ -99,7 +99,7 @@ class Item:
 
     @property
     def posture(self) -> np.ndarray:
-        """Joint angles at the compared samples, (m, nj) rad; the segment's if these are not rows of the recording."""
+        """Joint angles at the samples, (m, nj) rad: the recording's, or the segment's if it has other samples."""
         rows = self.segment.rows
         return self.recording.q[rows] if len(rows) == len(self.valid) else self.segment.q
 

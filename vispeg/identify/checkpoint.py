@@ -70,7 +70,7 @@ class Trace:
         self.watch()
 
 
-KEPT = ("candidates", "generations", "points", "laps", "cost")
+KEPT = ("candidates", "generations", "points", "laps", "cost")  # stored fields of a trace
 
 
 class Checkpoint:

@@ -61,9 +61,9 @@ def contact_of(rec: Recording, robot: RobotModel) -> Contact | None:
         free[rows] = ~_widened(rec.time[rows], contact.touching[rows], RULES.touch_after)
         acts[rows] = _widened(rec.time[rows], contact.touching[rows], RULES.touch_graze)
     wrench, torque = np.nan_to_num(contact.contact), np.zeros(rec.q.shape)
-    some = np.flatnonzero(acts)
-    for start in range(0, len(some), ROWS):
-        rows = some[start : start + ROWS]
+    acting = np.flatnonzero(acts)
+    for start in range(0, len(acting), ROWS):
+        rows = acting[start : start + ROWS]
         jac = nominal_of(robot, len(rows)).operational(np.nan_to_num(rec.q[rows]))[1]
         torque[rows] = np.einsum("nij,ni->nj", jac, wrench[rows])
     return Contact(free, torque)

@@ -157,14 +157,17 @@ class Drives:
         return np.concatenate(parts, axis=1)
 
     def _needed(self, i: int, world: World) -> np.ndarray:
-        """Return the torque that a world requires for item `i` of the evidence, (m, nj) N m, not low-passed."""
+        """Return the torque that a world requires for item `i` of the evidence, (m, nj) N m, not low-passed.
+
+        Effects that inverse dynamics does not show (`Effect.regressor`) add their torque to first order.
+        """
         assert self.evidence is not None
         plain = World(effects=tuple(e for e in world.effects if not effect(e.effect).overrides("regressor")))
         out = self.evidence.torque_of(i, plain)
-        late = [a for a in activate(self.evidence.items[i].robot, [world]) if a.effect.overrides("regressor")]
-        if late:
-            look = self._motion(i, plain)
-            out = out + sum(a.effect.regressor(look, a.p) for a in late)
+        others = [a for a in activate(self.evidence.items[i].robot, [world]) if a.effect.overrides("regressor")]
+        if others:
+            motion = self._motion(i, plain)
+            out = out + sum(a.effect.regressor(motion, a.p) for a in others)
         return out
 
     def _motion(self, i: int, world: World) -> Motion:
@@ -198,10 +201,10 @@ def noise(recordings: Sequence[Recording], world: World, seed: int = 0) -> np.nd
     again = []
     for rec in recordings:
         sigma = noise_of(rec)
-        more = {"q": rec.q + sigma["q"] * rng.standard_normal(rec.q.shape)}
+        noisier = {"q": rec.q + sigma["q"] * rng.standard_normal(rec.q.shape)}
         if rec.tau is not None and "tau" in sigma:
-            more["tau"] = rec.tau + sigma["tau"] * rng.standard_normal(rec.q.shape)
-        again.append(replace(rec, **more))
+            noisier["tau"] = rec.tau + sigma["tau"] * rng.standard_normal(rec.q.shape)
+        again.append(replace(rec, **noisier))
     first, second = Drives(recordings), Drives(again)
     gap = (second.torque - second.needed([world])[0]) - (first.torque - first.needed([world])[0])
     both = first.valid & second.valid

@@ -60,7 +60,7 @@ class Evidence(Freedom):
     Attributes:
         items: pieces of the recordings that are compared, in the order of the residual.
         notes: messages for the user on what was left out or changed.
-        converted: those notes that an evidence of these `recordings`, which are changed already, would not have again.
+        converted: the notes on recordings that were cut or converted; an evidence of the changed ones lacks them.
         floor_from: where the noise is known from, in words.
     """
 
@@ -70,18 +70,19 @@ class Evidence(Freedom):
         self.recordings, self.nthread = [torque_if_saturated(rec, robot_of(rec)) for rec in sound], nthread
         self.h_max = h_max
         touched = [(rec, contact_of(rec, robot_of(rec))) for rec in self.recordings]
-        every = _every(self.recordings)
-        self.items = [i for (rec, contact), n in zip(touched, every, strict=True) for i in self._items(rec, contact, n)]
+        strides = _strides(self.recordings)
+        pairs = zip(touched, strides, strict=True)
+        self.items = [i for (rec, contact), stride in pairs for i in self._items(rec, contact, stride)]
         groups: dict[tuple, list[int]] = {}
         for i, item in enumerate(self.items):
             c = item.recording.control
             key = (id(item.robot), c.mode, c.rate_hz, c.nullspace is None or id(c.nullspace))
             groups.setdefault(key, []).append(i)
         self.groups = list(groups.values())
-        self.notes = [_used(rec, n) for rec, n in zip(recordings, every, strict=True) if rec.chosen or n > 1]
+        self.notes = [_used(rec, n) for rec, n in zip(recordings, strides, strict=True) if rec.chosen or n > 1]
         self.notes += [line for rec in recordings for line in missing.said(rec)]
         self.notes += [contact.said(rec.name) for rec, contact in touched if contact is not None]
-        self.converted = [said(rec, rest) for rec, rest in zip(recordings, sound, strict=True) if rest is not rec]
+        self.converted = [said(rec, part) for rec, part in zip(recordings, sound, strict=True) if part is not rec]
         self.converted += [OPEN.format(a.name) for a, b in zip(self.recordings, sound, strict=True) if a is not b]
         self.notes += self.converted
         self.notes += _stops(self.recordings)
@@ -137,7 +138,7 @@ class Evidence(Freedom):
     def stretches(self, blocks: np.ndarray) -> np.ndarray:
         """Return the number (nblock,) of the stretch to which each block belongs; here each is one of its own.
 
-        Errors of blocks in a stretch are correlated, so they count as one. `blocks` (n,) is that of the residual.
+        Errors of blocks in a stretch are correlated, so they count as one. `blocks` (n,) is as `blocks()` returns it.
         """
         return np.arange(int(blocks.max()) + 1)
 
@@ -163,7 +164,7 @@ class Evidence(Freedom):
         count = processes(self.nthread, len(worlds))
         if count == 1:
             return self._rolled_out(worlds, self.nthread)
-        return shared(lambda some: self._rolled_out(some, 1), worlds, [i.measured.shape for i in self.items], count)
+        return shared(lambda part: self._rolled_out(part, 1), worlds, [i.measured.shape for i in self.items], count)
 
     def step_of(self, mode: str, *worlds: World) -> float:
         """Return the greatest physics step, s, at which these worlds are rolled out together under a control mode."""
@@ -171,9 +172,9 @@ class Evidence(Freedom):
         return min([usual, *(_stable_step(e) for w in worlds for e in w.effects)])
 
     def _rolled_out(self, worlds: Sequence[World], nthread: int) -> list[np.ndarray]:
-        """Roll out the worlds, items of one robot and controller together, and so are worlds of one physics step.
+        """Roll out the worlds: together all items of one robot and controller, and all worlds of one physics step.
 
-        So a fine step does not slow all of them.
+        So one world's fine step does not slow the others.
         """
         out: list[np.ndarray] = [np.empty((len(worlds), *i.measured.shape)) for i in self.items]
         for group in self.groups:
@@ -181,10 +182,10 @@ class Evidence(Freedom):
             steps = np.array([self.step_of(items[0].segment.control.mode, w) for w in worlds])
             for step in np.unique(steps):
                 rows = np.flatnonzero(steps == step).tolist()
-                some, options = [worlds[r] for r in rows], {"h_max": float(step), "nthread": nthread, "along": True}
-                responses = simulate(items[0].robot, some, [i.segment for i in items], **options)
+                alike, options = [worlds[r] for r in rows], {"h_max": float(step), "nthread": nthread, "along": True}
+                responses = simulate(items[0].robot, alike, [i.segment for i in items], **options)
                 for i, item, response in zip(group, items, responses, strict=True):
-                    predicted = [self.predicted(c, item, response, some) for c in item.channels]
+                    predicted = [self.predicted(c, item, response, alike) for c in item.channels]
                     out[i][rows] = np.concatenate(predicted, axis=2)
         return out
 
@@ -217,8 +218,8 @@ class Evidence(Freedom):
             return response.tau_joint if item.recording.torque_sensor == "joint" else response.tau_motor
         return response.q
 
-    def _items(self, rec: Recording, contact: Contact | None, every: int) -> list[Item]:
-        """Return an item for each segment of a recording that is long enough, with one in `every` of its samples.
+    def _items(self, rec: Recording, contact: Contact | None, stride: int) -> list[Item]:
+        """Return an item for each segment of a recording that is long enough, with one in `stride` of its samples.
 
         Raises:
             UserError: nothing of the recording can be compared.
@@ -228,7 +229,7 @@ class Evidence(Freedom):
         if not long:
             raise UserError(f"too short to compare: every episode lasts under {2 * settle} s", file=rec.path)
         for segment in long:
-            thin = slice(None, None, every)
+            thin = slice(None, None, stride)
             segment = replace(segment, time=segment.time[thin], rows=segment.rows[thin])
             late = (segment.time >= settle)[:, None]
             if rec.compared is not None:
@@ -261,9 +262,9 @@ class Evidence(Freedom):
     def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
         """Yield the residual of each world in turn, so that memory stays small for long recordings."""
         size = sum(4 * 8 * item.segment.ticks * item.nj for item in self.items)  # four signals per rollout
-        some = max(1, min(max(WORLDS, ROWS // len(self.items)), int(AT_ONCE / size))) * self.nthread
-        for start in range(0, len(worlds), some):
-            per_item = self.simulated(worlds[start : start + some])
+        batch = max(1, min(max(WORLDS, ROWS // len(self.items)), int(AT_ONCE / size))) * self.nthread
+        for start in range(0, len(worlds), batch):
+            per_item = self.simulated(worlds[start : start + batch])
             for w in range(len(per_item[0])):
                 parts = [self.whiten(item, y[w]).ravel() for item, y in zip(self.items, per_item, strict=True)]
                 yield np.concatenate(parts)
@@ -316,12 +317,13 @@ class Evidence(Freedom):
     def columns(self) -> dict[tuple[str, str, int], list[tuple[int, int]]]:
         """Return for each column of the channels, by kind, unit and joint, the items that have it: (item, its column).
 
-        The principal channel of every item has the first one's name; recordings may differ in the channels beside it.
+        The principal channel of every item is named after that of the first item, so that these share their columns;
+        recordings may differ in the other channels.
         """
         out: dict[tuple[str, str, int], list[tuple[int, int]]] = {}
         for i, item in enumerate(self.items):
-            first, *beside = item.channels
-            named = [(self.items[0].channels[0], first), *((c, c) for c in beside)]
+            principal, *others = item.channels
+            named = [(self.items[0].channels[0], principal), *((c, c) for c in others)]
             keys = [(name.kind, name.unit, j) for name, c in named for j in range(c.measured.shape[1])]
             for column, key in enumerate(keys):
                 out.setdefault(key, []).append((i, column))
@@ -332,8 +334,8 @@ class Evidence(Freedom):
         """RMS noise of each of the `columns`, in its unit: the error of a perfect model."""
         out = []
         for pairs in self.columns.values():
-            some = [(self.items[i].valid[:, column].sum(), self.items[i].sigma[column]) for i, column in pairs]
-            out.append(np.sqrt(sum(n * sigma**2 for n, sigma in some) / max(sum(n for n, _ in some), 1)))
+            counted = [(self.items[i].valid[:, column].sum(), self.items[i].sigma[column]) for i, column in pairs]
+            out.append(np.sqrt(sum(n * sigma**2 for n, sigma in counted) / max(sum(n for n, _ in counted), 1)))
         return np.array(out)
 
     @property
@@ -343,10 +345,10 @@ class Evidence(Freedom):
         return float(np.sqrt(sum((i.valid * i.sigma**2)[:, : i.nj].sum() for i in self.items) / max(n, 1)))
 
 
-def _used(rec: Recording, every: int) -> str:
+def _used(rec: Recording, stride: int) -> str:
     """Return a note on which part of a long recording is used."""
-    said = rec.chosen.said(rec.name) if rec.chosen else f"{rec.name}: all of it is simulated"
-    return said if every == 1 else f"{said}; one sample in {every} is compared"
+    note = rec.chosen.said(rec.name) if rec.chosen else f"{rec.name}: all of it is simulated"
+    return note if stride == 1 else f"{note}; one sample in {stride} is compared"
 
 
 def _stable_step(placed: EffectInstance) -> float:
@@ -365,12 +367,12 @@ def _settle(rec: Recording) -> float:
     return RULES.settle if rec.control.mode in ("position", "servo") else RULES.settle_observed
 
 
-def _every(recordings: Sequence[Recording]) -> list[int]:
+def _strides(recordings: Sequence[Recording]) -> list[int]:
     """Return a number k for each recording: one in k of its samples is compared.
 
     At most about `READINGS` readings are compared in total, unless a rate would fall below `LEAST_HZ`.
     """
     signals = [1 + (r.tau is not None and r.torque_sensor != "none") + (r.load is not None) for r in recordings]
     readings = sum(n * r.q.size for n, r in zip(signals, recordings, strict=True))
-    most = int(np.ceil(readings / READINGS))
-    return [max(1, min(most, int(r.rate_hz / LEAST_HZ))) for r in recordings]
+    needed = int(np.ceil(readings / READINGS))
+    return [max(1, min(needed, int(r.rate_hz / LEAST_HZ))) for r in recordings]

@@ -121,7 +121,7 @@ def chirp(room: Room, rng: np.random.Generator, low_hz: float = 0.1, high_hz: fl
     angle = 2.0 * np.pi * (low * t + (high - low) * t**2 / (2.0 * room.duration)) + rng.uniform(0.0, 2.0 * np.pi, nj)
     ratio = 2.0 * np.pi * room.reach / room.speed  # s: speed at full reach over the speed limit, per Hz
     amp = room.reach / np.sqrt(1.0 + (ratio * freq) ** 2)
-    damp = -room.reach * ratio**2 * freq * dfreq / (1.0 + (ratio * freq) ** 2) ** 1.5
+    damp = -room.reach * ratio**2 * freq * dfreq / (1.0 + (ratio * freq) ** 2) ** 1.5  # time derivative of amp
     f = amp * np.sin(angle)
     q, dq = _ramped(room, f, damp * np.sin(angle) + amp * 2.0 * np.pi * freq * np.cos(angle))
     return _fit(room, dq, q)

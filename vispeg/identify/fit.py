@@ -7,7 +7,7 @@ whitened residual, (measured - predicted) / noise.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -58,7 +58,7 @@ class Fit:
     at_bound: tuple[str, ...] = ()
     weak: tuple[str, ...] = ()
     converged: bool = True
-    cost: float = field(default=0.0)
+    cost: float = 0.0
 
     @property
     def jacobian(self) -> np.ndarray:
@@ -118,8 +118,9 @@ class Chase(Race):
     def check(self, mean_square: float, lap: int) -> None:
         """Raise StopIteration if a fit cannot reach the goal."""
         before, self.last = self.last, mean_square
-        falls = 2.0 ** max(self.iterations - lap, 0) - 1.0
-        if lap >= self.laps and mean_square * min(mean_square / before, 1.0) ** falls > self.goal:
+        # the steps left multiply the residual by the last step's factor to the power 1, 2, 4, ...
+        exponent = 2.0 ** max(self.iterations - lap, 0) - 1.0
+        if lap >= self.laps and mean_square * min(mean_square / before, 1.0) ** exponent > self.goal:
             raise StopIteration
 
 
@@ -266,18 +267,18 @@ def _uncertainty(
     info = jac.T @ jac
     scale = np.sqrt(np.maximum(np.diag(info), 1e-12))
     value, vector = np.linalg.eigh(info / np.outer(scale, scale))
-    flat = value < 1e-8
+    flat = value < 1e-8  # combinations of coordinates that the evidence does not determine
     inverse = (vector / np.maximum(value, 1e-8)) @ vector.T / np.outer(scale, scale)
     blocks = evidence.blocks()
     score = np.zeros((blocks.max() + 1, n))
     np.add.at(score, blocks, jac * r[:, None])
-    cov = inverse @ (score.T @ score) @ inverse
-    alone = np.diag(inverse) * max(1.0, evidence.chi2(r)) * evidence.correlated
-    cov = np.maximum(np.diag(cov), alone)
+    sandwich = np.diag(inverse @ (score.T @ score) @ inverse)
+    ordinary = np.diag(inverse) * max(1.0, evidence.chi2(r)) * evidence.correlated
+    variance = np.maximum(sandwich, ordinary)
     spread = _between(evidence, r, jac)
-    sigma = np.sqrt(np.maximum(cov, spread**2))
+    sigma = np.sqrt(np.maximum(variance, spread**2))
     names = [f"{space.world.effects[a.index].label}.{a.name}" for a in space.axes]
-    weak = [names[i] for i in range(n) if info[i, i] < 1.0]
+    weak = [names[i] for i in range(n) if info[i, i] < 1.0]  # uncertain by over a unit, even if all others were known
     weak += [" ~ ".join(names[j] for j in np.flatnonzero(np.abs(vector[:, i]) > 0.3)) for i in np.flatnonzero(flat)]
     root = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
     return sigma, inverse / np.outer(root, root), tuple(dict.fromkeys(weak))

@@ -116,8 +116,8 @@ class TorqueEvidence(Evidence):
         """Return what makes up the torque of a world along the motion of item `i`, (m, nj) N m each.
 
         Returns:
-            torque that the links need, level of dry friction, torque that effects exert on the joints beside the drive
-            (None if no effect does), and the effects themselves.
+            torque that the motion needs without dry friction, level of dry friction, torque that effects exert on the
+            joints in addition to the drive (None if no effect does), and the effects themselves.
         """
         item, seg, ddq = self.items[i], self.items[i].segment, self._ddq[i]
         robot, active = item.robot, activate(item.robot, [world])
@@ -126,8 +126,9 @@ class TorqueEvidence(Evidence):
             a.effect.write(fields, a.p)
         dof, joint, spring = fields.dofs, fields.joints, fields.qposes
         load = self._links(i, world) - compiled(robot).dof_armature[dof] * ddq
-        wound, (soft, stiff) = seg.q - fields["qpos_spring"][0, spring], compiled(robot).jnt_stiffnesspoly[joint].T
-        load += wound * (fields["jnt_stiffness"][0, joint] + wound * (soft + wound * stiff))
+        # MuJoCo's springs and dampers: polynomials with a linear, a square and a cubic term
+        turn, (square, cube) = seg.q - fields["qpos_spring"][0, spring], compiled(robot).jnt_stiffnesspoly[joint].T
+        load += turn * (fields["jnt_stiffness"][0, joint] + turn * (square + turn * cube))
         speed, (square, cube) = np.abs(seg.dq), compiled(robot).dof_dampingpoly[dof].T
         drag = seg.dq * (fields["dof_damping"][0, dof] + speed * (square + speed * cube))
         needed = load + fields["dof_armature"][0, dof] * ddq + drag
@@ -283,11 +284,11 @@ def _noise(recordings: Sequence[Recording]) -> tuple[np.ndarray, str]:
     read = np.isfinite(tau).any(axis=0)
     sigma = np.full(tau.shape[1], np.nan)
     sigma[read] = np.maximum(highpass_sigma(tau[:, read]), RULES.torque_repeats * np.nanstd(tau[:, read], axis=0))
-    return np.maximum(_usual(sigma), 1e-3), "estimated"
+    return np.maximum(_filled(sigma), 1e-3), "estimated"
 
 
-def _usual(sigma: np.ndarray) -> np.ndarray:
-    """Return noise (nj,) with that of joints without readings (NaN), which are not compared, as the others' RMS."""
+def _filled(sigma: np.ndarray) -> np.ndarray:
+    """Return noise (nj,); joints without readings (NaN), which are not compared, get the RMS of the others."""
     read = np.isfinite(sigma)
     return np.where(read, sigma, np.sqrt(np.mean(sigma[read] ** 2)) if read.any() else 0.0)
 
@@ -299,20 +300,20 @@ def _repeat_gap(a: Recording, b: Recording, longest: float = 2.0) -> np.ndarray 
     """
     if a.tau is None or b.tau is None or a.q.shape[1] != b.q.shape[1] or a.chosen or b.chosen:
         return None
-    most = int(longest * a.rate_hz)
-    n = min(len(a.time), len(b.time)) - 2 * most
-    if n < a.rate_hz:
+    margin = int(longest * a.rate_hz)  # samples left out at both ends of `a`
+    n = min(len(a.time), len(b.time)) - 2 * margin
+    if n < a.rate_hz:  # less than a second
         return None
-    core = a.q[most : most + n]
+    core = a.q[margin : margin + n]
 
     def gap(start: int) -> float:
         return float(np.nanmax(np.nanstd(core - b.q[start : start + n], axis=0)))
 
-    coarse = min(range(0, 2 * most + 1, max(1, most // 100)), key=gap)
-    best = min(range(max(0, coarse - most // 100), min(2 * most, coarse + most // 100) + 1), key=gap)
+    coarse = min(range(0, 2 * margin + 1, max(1, margin // 100)), key=gap)
+    best = min(range(max(0, coarse - margin // 100), min(2 * margin, coarse + margin // 100) + 1), key=gap)
     if gap(best) > RULES.torque_repeats * np.nanmax(np.nanstd(core, axis=0)):
         return None
-    difference = a.tau[most : most + n] - b.tau[best : best + n]
+    difference = a.tau[margin : margin + n] - b.tau[best : best + n]
     read = np.isfinite(difference).any(axis=0)
     sigma = np.nanstd(np.where(read, difference, 0.0), axis=0) / np.sqrt(2.0)
-    return _usual(np.where(read, sigma, np.nan)) if read.any() else None
+    return _filled(np.where(read, sigma, np.nan)) if read.any() else None

@@ -39,16 +39,16 @@ def with_gains(items: Sequence[Item], predicted: list[np.ndarray]) -> list[np.nd
     The gain is the weighted least-squares one, sum(m y / sigma^2) / sum(y^2 / sigma^2), over the valid readings m of
     all items, with predictions y.
     """
-    above, below = 0.0, 0.0
+    numerator, denominator = 0.0, 0.0
     for item, y in zip(items, predicted, strict=True):
         for columns, c in _loads(item):
             weight = c.valid / c.sigma**2
             measured, torque = np.where(c.valid, c.measured, 0.0), y[:, :, columns]
-            above = above + np.einsum("mj,mj,wmj->wj", weight, measured, torque)
-            below = below + np.einsum("mj,wmj,wmj->wj", weight, torque, torque)
-    if np.ndim(above) == 0:
+            numerator = numerator + np.einsum("mj,mj,wmj->wj", weight, measured, torque)
+            denominator = denominator + np.einsum("mj,wmj,wmj->wj", weight, torque, torque)
+    if np.ndim(numerator) == 0:  # no item has a load
         return predicted
-    gain = above / np.maximum(below, 1e-300)
+    gain = numerator / np.maximum(denominator, 1e-300)
     for item, y in zip(items, predicted, strict=True):
         for columns, _ in _loads(item):
             y[:, :, columns] *= gain[:, None]

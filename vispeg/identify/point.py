@@ -38,7 +38,7 @@ class Point:
     Attributes:
         evaluated: for the present and the best point its residual and its derivatives other than `columns`.
         answers: for each point its `answer`.
-        asked: points that were asked for.
+        asked: points that were asked for, so that each counts once in `refused`.
         best, least, refused: best point so far, its squared residual, and steps without gain since.
     """
 
@@ -116,13 +116,14 @@ class Point:
         """
         steps, first = self.space.steps(u), 0 if self.columns is None else self.columns.shape[1]
         points = [u + np.eye(len(u))[i] * steps[i] for i in range(first, len(u))]
-        r, *moved = self.submit([self.space.at(p) for p in [u, *points]]) if r is None else [r, *self._beside(points)]
-        fresh = [(m - r) / s for m, s in zip(moved, steps[first:], strict=True)]
-        jac = np.stack(fresh, axis=1) if fresh else np.empty((len(r), 0))
+        r, *moved = self._simulated([u, *points]) if r is None else [r, *self._simulated(points)]
+        slopes = [(m - r) / s for m, s in zip(moved, steps[first:], strict=True)]
+        jac = np.stack(slopes, axis=1) if slopes else np.empty((len(r), 0))
         if self.evaluated:  # the solver ends at this point or at an earlier best one
             best = min(self.evaluated, key=lambda k: float(np.sum(self.evaluated[k][0] ** 2)))
             self.evaluated = {best: self.evaluated[best]}
         self.evaluated[u.tobytes()] = (r, jac)
 
-    def _beside(self, points: list[np.ndarray]) -> list[np.ndarray]:
+    def _simulated(self, points: list[np.ndarray]) -> list[np.ndarray]:
+        """Return the residuals at the points."""
         return self.submit([self.space.at(p) for p in points]) if points else []

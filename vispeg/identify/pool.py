@@ -91,13 +91,13 @@ def run_together(
         turn()
         rows = sum(map(len, waiting.values()))
         while waiting:
-            some = _first(waiting, at_once / (8 * length))
-            failure, values = None, list[np.ndarray]()
+            chosen = _first(waiting, at_once / (8 * length))
+            failure, values = None, list[np.ndarray]()  # values: the last one first, so that `pop` takes the next
             try:
-                values += evaluate([w for i in some for w in waiting[i]])[::-1]
+                values += evaluate([w for i in chosen for w in waiting[i]])[::-1]
             except BaseException as error:
-                failure, some = error, [*waiting]
-            for i in some:
+                failure, chosen = error, [*waiting]  # all waiting jobs get the error
+            for i in chosen:
                 count = len(waiting.pop(i))
                 reply(i, failure or [values.pop() for _ in range(count)])
         if progress is not None:

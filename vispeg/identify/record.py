@@ -195,15 +195,12 @@ def _held(segment: Segment, rest: int) -> Segment:
     """Return the segment with its first command held, at rest, for `rest` ticks before it."""
 
     def before(values: np.ndarray, still: bool = False) -> np.ndarray:
+        """Return the values after `rest` rows of the first one, or of zeros if `still`."""
         return np.concatenate([np.repeat(values[:1] * (not still), rest, axis=0), values])
 
     command = {name: before(values, name == "dq_cmd") for name, values in segment.command.items()}
-    q, dq, raw, rows = (
-        before(segment.q),
-        before(segment.dq, True),
-        before(segment.q_raw),
-        np.arange(rest + segment.ticks),
-    )
+    q, dq, raw = before(segment.q), before(segment.dq, True), before(segment.q_raw)
+    rows = np.arange(rest + segment.ticks)
     return Segment(segment.control, segment.tick, command, q, dq, raw, rows * segment.tick, rows)
 
 

@@ -85,7 +85,8 @@ def with_intervals(evidence: Restarts, world: World, free: Sequence[int], rng: n
     box = BOX * coordinates(first, first.start)
     if not len(box):
         return world
-    for last in (False, *(False,) * MOVES, True):
+    for number in range(MOVES + 2):
+        last = number == MOVES + 1
         space = Space(world, free)
         u, (low, high) = space.start, space.bounds
         best, ends = _surface(evidence, space, box, rng)

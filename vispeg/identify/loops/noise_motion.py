@@ -33,7 +33,7 @@ def noise_motion(evidence: Evidence, world: World) -> float:
     encoder is coarse, each draw starts elsewhere within a step, and the quantile is lower (`noise_quantile_coarse`), so
     that a wide floor does not hide missing effects.
     """
-    total, count, share = np.zeros(DRAWS), 0, RULES.noise_quantile
+    total, count, quantile = np.zeros(DRAWS), 0, RULES.noise_quantile
     for item in evidence.items if evidence.unit == "rad" else ():
         count += int(item.valid.sum())
         sigma = item.sigma[: item.nj]
@@ -41,7 +41,7 @@ def noise_motion(evidence: Evidence, world: World) -> float:
         soft, coarse = item.recording.control.mode == "osc", _coarse(item, world)
         if not soft and not coarse:
             continue
-        scale = np.r_[0.0, np.ones(DRAWS)][:, None]
+        scale = np.r_[0.0, np.ones(DRAWS)][:, None]  # the first rollout has no noise
         noise = ReadingNoise(
             scale * noise_of(item.recording)["q"],
             scale * _velocity_noise(item.recording),
@@ -50,23 +50,23 @@ def noise_motion(evidence: Evidence, world: World) -> float:
         )
         h_max = evidence.step_of(item.segment.control.mode, world)
         draws = [_begun(item, world, k) if coarse else world for k in range(DRAWS)]
-        share = RULES.noise_quantile_coarse if coarse else share
+        quantile = RULES.noise_quantile_coarse if coarse else quantile
         options = {"h_max": h_max, "along": True, "reading_noise": noise}
         (response,) = simulate(item.robot, [world, *draws], [item.segment], **options)
         moved = (response.q[1:] - response.q[:1]) / sigma
         floor = plain**2 if coarse else 0.0  # the sensed angles contain the readings' own noise
         total += np.where(item.valid[:, : item.nj], moved**2 - floor, 0.0).sum(axis=(1, 2))
     total = total[np.isfinite(total)]  # a draw that diverges says nothing about the others
-    return max(float(np.quantile(total, share)), 0.0) / max(count, 1) if len(total) else 0.0
+    return max(float(np.quantile(total, quantile)), 0.0) / max(count, 1) if len(total) else 0.0
 
 
 def reading_floor(evidence: Evidence, world: World) -> float:
     """Return the mean squared whitened residual of a correct model: 1, or more if its encoders are coarse."""
-    more = 0.0
+    excess = 0.0
     for item in evidence.items if evidence.unit == "rad" else ():
         ratio = reading_noise(item, world) / item.sigma[: item.nj]
-        more += float(((ratio**2 - 1.0) * item.valid[:, : item.nj].sum(axis=0)).sum())
-    return 1.0 + more / max(evidence.count, 1)
+        excess += float(((ratio**2 - 1.0) * item.valid[:, : item.nj].sum(axis=0)).sum())
+    return 1.0 + excess / max(evidence.count, 1)
 
 
 def within_noise(evidence: Evidence, world: World) -> bool:
@@ -77,8 +77,8 @@ def within_noise(evidence: Evidence, world: World) -> bool:
     """
     if evidence.unit != "rad" or any(i.recording.control.mode != "osc" or _coarse(i, world) for i in evidence.items):
         return False
-    residual, more = evidence.residuals([world])[0], noise_motion(evidence, world)
-    return more > RULES.noise_magnified and float(residual @ residual) <= (1.0 + more) * evidence.count
+    residual, magnified = evidence.residuals([world])[0], noise_motion(evidence, world)
+    return magnified > RULES.noise_magnified and float(residual @ residual) <= (1.0 + magnified) * evidence.count
 
 
 def _coarse(item: Item, world: World) -> bool:

@@ -41,10 +41,10 @@ def saturated(rec: Recording, robot: RobotModel) -> np.ndarray:
         return np.zeros(len(rec.joints), bool)
     asked, needed = (np.concatenate(side) for side in zip(*parts, strict=True))
     beyond = np.abs(asked) > RULES.saturated_beyond * np.abs(needed).max(axis=0)
-    size = np.maximum(beyond.sum(axis=0), 1)
+    count = np.maximum(beyond.sum(axis=0), 1)
     along = np.where(beyond, np.sign(asked) * needed, 0.0)
-    mean = along.sum(axis=0) / size
-    spread = np.sqrt(np.where(beyond, (along - mean) ** 2, 0.0).sum(axis=0) / size)
+    mean = along.sum(axis=0) / count
+    spread = np.sqrt(np.where(beyond, (along - mean) ** 2, 0.0).sum(axis=0) / count)
     return (beyond.mean(axis=0) > RULES.saturated_share) & (spread < RULES.saturated_flat * mean)
 
 

@@ -165,8 +165,8 @@ def _touches_nothing(motion: Motion, scene: Scene) -> None:
     """Raise UserError if the motion touches something in the cell."""
     model = scene.compile()
     data, places = mujoco.MjData(model), [model.joint(j).qposadr[0] for j in scene.joints]
-    every = max(1, round(0.05 / (motion.time[1] - motion.time[0])))
-    for row in range(0, len(motion.time), every):
+    stride = max(1, round(0.05 / (motion.time[1] - motion.time[0])))  # postures 0.05 s apart
+    for row in range(0, len(motion.time), stride):
         data.qpos[places] = motion.q_cmd[row]
         mujoco.mj_kinematics(model, data)
         mujoco.mj_collision(model, data)

@@ -132,8 +132,7 @@ def _half_widths(space: Coordinates, gap: np.ndarray, slope: np.ndarray, samples
     scale, axes = np.linalg.eigh(independent)
     informative = scale > SHOWN * scale.max()
     spread = ((gradients @ axes[:, informative]) ** 2).sum(axis=0) / scale[informative] * pieces / (pieces - 1)
-    alike = max(float(spread.mean()), 1.0)
-    information = hessian * samples / (_norms(gap).mean() * alike) + np.diag(_prior(space, gap, samples)) * samples / (
-        _norms(gap).mean()
-    )
+    correlated = max(float(spread.mean()), 1.0)  # so many errors count as one
+    norm, prior = _norms(gap).mean(), np.diag(_prior(space, gap, samples))
+    information = hessian * samples / (norm * correlated) + prior * samples / norm
     return student.ppf(0.975, pieces - 1) * np.sqrt(np.diagonal(np.linalg.inv(information)))

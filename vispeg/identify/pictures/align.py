@@ -86,6 +86,7 @@ def rolled(
 
 
 def _plain(effects: Sequence[EffectInstance]) -> list:
+    """Return effects as plain JSON data."""
     return [[e.effect, e.where, {k: v.value for k, v in e.params.items()}] for e in effects]
 
 
@@ -108,7 +109,7 @@ def _settled(
     free: Sequence[int],
     windows: Sequence[float],
 ) -> tuple[World, float]:
-    """Return the world after robust steps in each window, and the share of border points without an edge nearby."""
+    """Return the world after robust steps in each window, and the share of points without an edge within 0.5 px."""
     lost = 1.0
     for window in windows:
         points = [gather(predictor, s, world, window) for s in sights]
@@ -123,6 +124,7 @@ def _settled(
 def _stepped(
     predictor: Predictor, sights: Sequence[Sight], points: Sequence[Points], world: World, free: Sequence[int]
 ) -> World:
+    """Return the world after robust Gauss-Newton steps of its free effects that lower the points' misplacements."""
     space = Space(world, free)
     null = np.array([space.forward(effect(world.effects[a.index].effect).params[a.name].null, a) for a in space.axes])
     low, high = space.bounds
@@ -130,16 +132,16 @@ def _stepped(
     for _ in range(STEPS):
         here = space.at(u)
         at = [misplacement(predictor.geometry, s, here, p) for s, p in zip(sights, points, strict=True)]
-        noise = noise_of(np.concatenate(at))
+        noise = max(noise_of(np.concatenate(at)), 0.15)  # px
         normal, along = np.eye(len(u)) / LOOSE**2, (null - u) / LOOSE**2
         steps = space.steps(u)
         for s, p, r in zip(sights, points, at, strict=True):
-            weight = trust(r, max(noise, 0.15)) / max(noise, 0.15) ** 2
+            weight = trust(r, noise) / noise**2
             rows = weight > 0
-            some = p.only(rows)
+            trusted = p.only(rows)
             jac = np.stack(
                 [
-                    (misplacement(predictor.geometry, s, space.at(u + step * axis), some) - r[rows]) / step
+                    (misplacement(predictor.geometry, s, space.at(u + step * axis), trusted) - r[rows]) / step
                     for step, axis in zip(steps, np.eye(len(u)), strict=True)
                 ],
                 1,

@@ -40,21 +40,21 @@ def seeing(scene: Scene, groups: Groups, world: World) -> tuple[tuple[list[Sight
     Returns:
         The groups without those cameras, and a message about each camera left out.
     """
-    every = [s for some in groups for s in some]
+    every = [s for group in groups for s in group]
     cameras, notes, blind = list({s.camera.name: s.camera for s in every}.values()), [], set()
     if not cameras:
         return tuple([] for _ in groups), []
     with Predictor(scene, cameras) as predictor:
         predictor.see(world)
         for camera in cameras:
-            mine = [[s for s in some if s.camera.name == camera.name] for some in groups if some]
-            shown = [sum(min(_shown(predictor, s), RULES.frames_least) for s in some) for some in mine]
+            mine = [[s for s in group if s.camera.name == camera.name] for group in groups if group]
+            shown = [sum(min(_shown(predictor, s), RULES.frames_least) for s in group) for group in mine]
             if min(shown) < RULES.frames_least:
                 blind.add(camera.name)
                 often = f"only {min(shown)}" if min(shown) else "none"
-                said = f"a border or a near surface of the cell shows in {often} of its frames"
-                notes.append(f"camera '{camera.name}' is left out: {said}; is its pose as stated?")
-    return tuple([s for s in some if s.camera.name not in blind] for some in groups), notes
+                why = f"a border or a near surface of the cell shows in {often} of its frames"
+                notes.append(f"camera '{camera.name}' is left out: {why}; is its pose as stated?")
+    return tuple([s for s in group if s.camera.name not in blind] for group in groups), notes
 
 
 def _shown(predictor: Predictor, sight: Sight) -> int:
@@ -87,15 +87,15 @@ def border_evidence(
     with Predictor(scene, cameras) as predictor:
         settled, points = align(predictor, fitted, world.over(predictor.scene.stated), recall)
         scatter = None if robot is None else Scatter(robot, 0.0)
-        out = _looked(predictor, (fitted, held_out), settled, points, scatter)
+        out = _evidence_pair(predictor, (fitted, held_out), settled, points, scatter)
         if robot is None and out[0].robot > 0:
             settled, points = rolled(predictor, fitted, settled, recall)
-            other = _looked(predictor, (fitted, held_out), settled, points, None, ROLLING)
+            other = _evidence_pair(predictor, (fitted, held_out), settled, points, None, ROLLING)
             out = other if other[0].robot < RULES.robot_half * out[0].robot else out
     return out
 
 
-def _looked(
+def _evidence_pair(
     predictor: Predictor,
     sights: tuple[Sequence[Sight], Sequence[Sight]],
     settled: World,
@@ -110,8 +110,8 @@ def _looked(
     (fitted, held_out), geometry = sights, predictor.geometry
     judged = [gather(predictor, s, settled, WINDOWS[-1]) for s in held_out]
     away, to_judge = (
-        [steadied(geometry, s, settled, p) for s, p in zip(some, edges, strict=True)]
-        for some, edges in ((fitted, points), (held_out, judged))
+        [steadied(geometry, s, settled, p) for s, p in zip(group, edges, strict=True)]
+        for group, edges in ((fitted, points), (held_out, judged))
     )
     noise = {
         name: noise_of(np.concatenate([a for a, s in zip(away, fitted, strict=True) if s.camera.name == name]))
@@ -125,6 +125,7 @@ def _looked(
 def _items(
     sights: Sequence[Sight], points: Sequence[Points], away: Sequence[np.ndarray], noise: dict[str, float]
 ) -> list[Item]:
+    """Return an item for each sight; `noise` (px, by camera) is estimated from `away` for cameras that it lacks."""
     out = []
     for sight, edges, off in zip(sights, points, away, strict=True):
         sigma = noise.get(sight.camera.name) or noise_of(off)

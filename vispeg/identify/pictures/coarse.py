@@ -163,8 +163,8 @@ def _all_fields(sight: Sight) -> np.ndarray | None:
     if all(d is not None for d in depths):
         return np.stack([_fields(_log(d)[..., None], DEEP) for d in depths if d is not None])
     pictures = [sight.rgb(i) for i in range(len(sight))]
-    some = [p for p in pictures if p is not None]
-    return np.stack([_fields(p, 0.0) for p in some]) if len(some) == len(pictures) else None
+    present = [p for p in pictures if p is not None]
+    return np.stack([_fields(p, 0.0) for p in present]) if len(present) == len(pictures) else None
 
 
 def _log(depth: np.ndarray) -> np.ndarray:

@@ -87,20 +87,20 @@ def depth_figures(
         ordinary: (2,) m and 1/m, noise s0 + s1 z^2 that counts as no effect.
     """
     prediction, residual = shot.rendering, depth_residual(picture, shot.rendering)
-    kind, z = np.digitize(prediction.depth, NEARER), prediction.depth
-    inside = residual.interior & (kind < len(NEARER))
+    bins, z = np.digitize(prediction.depth, NEARER), prediction.depth
+    inside = residual.interior & (bins < len(NEARER))
     good = inside & np.isfinite(residual.error)
     scatters = _in_time(picture, again) if again is not None else _across(residual.error)
     scatters[~good] = np.nan
     error, scatter = [], []
     for k in range(1, len(NEARER)):
-        rows = good & (kind == k)
+        rows = good & (bins == k)
         enough = rows.sum() >= FEW
         error.append(float(np.median(residual.error[rows])) if enough else np.nan)
-        some = scatters[rows & np.isfinite(scatters)]
+        here = scatters[rows & np.isfinite(scatters)]
         least = ordinary[0] + ordinary[1] * float(np.median(z[rows])) ** 2 if enough else 0.0
         scatter.append(
-            float(np.log(np.hypot(np.median(some) / MEDIAN, least))) if enough and len(some) >= FEW else np.nan
+            float(np.log(np.hypot(np.median(here) / MEDIAN, least))) if enough and len(here) >= FEW else np.nan
         )
     lost = inside & (picture <= 0)
     starts = int((lost[:, 1:] & ~lost[:, :-1]).sum())
@@ -129,14 +129,14 @@ def _across(error: np.ndarray) -> np.ndarray:
 
 def _lean(error: np.ndarray, good: np.ndarray, shot: Shot) -> np.ndarray:
     """Return the tilt (2,) m: error growth from the axis to 45 degrees right and down, without scale error."""
-    some = np.zeros(good.shape, bool)
-    some[::3, ::3] = True
-    some &= good
-    if some.sum() < FEW:
+    used = np.zeros(good.shape, bool)
+    used[::3, ::3] = True
+    used &= good
+    if used.sum() < FEW:
         return np.full(2, np.nan)
-    rays, e, z = shot.rendering.eye.rays()[some], error[some].astype(float), shot.rendering.depth[some].astype(float)
+    rays, e, z = shot.rendering.eye.rays()[used], error[used].astype(float), shot.rendering.depth[used].astype(float)
     design = np.column_stack([rays[:, :2], z, np.ones(len(z))])
-    design, keep = design - design.mean(0) * [1, 1, 1, 0], np.ones(len(z), bool)
+    design, keep = design - design.mean(0) * [1, 1, 1, 0], np.ones(len(z), bool)  # centred, except the constant
     for _ in range(3):
         slope, *_ = np.linalg.lstsq(design[keep], e[keep], rcond=None)
         off = np.abs(e - design @ slope)

@@ -29,19 +29,13 @@ def gather(predictor: Predictor, sight: Sight, world: World, window: float) -> P
         )
         b = b.some((ahead == b.parts[:, 1]) & (behind == b.parts[:, 0]))
         edges = search(rgb, b, window)
-        parts.append(
-            _points(
-                i,
-                b,
-                np.where((edges.rival < RULES.edge_rival) & (edges.strength > RULES.edge_faint), edges.along, np.nan),
-            )
-        )
+        sure = (edges.rival < RULES.edge_rival) & (edges.strength > RULES.edge_faint)
+        parts.append(_points(i, b, np.where(sure, edges.along, np.nan)))
     points = _joined([*parts, *corners_of(geometry, sight, world, window)])
     if not len(points.frame) or not values_of(geometry.world, "rolling_shutter", name):
         return points
-    shift = (
-        pixels(geometry, sight, world, points) - points.pixel
-    )  # rolling shutter: rows are exposed at different times
+    # rolling shutter: rows are exposed at different times
+    shift = pixels(geometry, sight, world, points) - points.pixel
     along = points.along - np.sum(shift * points.normal, axis=1)
     return replace(points, pixel=points.pixel + shift, along=along)
 
@@ -65,9 +59,9 @@ def _points(frame: int, b: Borders, along: np.ndarray) -> Points:
     return Points(np.full(len(b), frame), b.body, b.local, b.pixel, b.normal, along, b.parts, b.depth)
 
 
-def _joined(some: Sequence[Points]) -> Points:
+def _joined(parts: Sequence[Points]) -> Points:
     """Concatenate the points of several frames."""
-    if not some:
+    if not parts:
         none, flat = np.zeros(0), np.zeros((0, 2))
         return Points(none.astype(int), none.astype(int), np.zeros((0, 3)), flat, flat, none, flat.astype(int), none)
-    return Points(*(np.concatenate([getattr(p, key) for p in some]) for key in Points.__dataclass_fields__))
+    return Points(*(np.concatenate([getattr(p, key) for p in parts]) for key in Points.__dataclass_fields__))

@@ -69,9 +69,9 @@ class LightFigures:
         """Return the figures of the predicted pictures after a world's effects on light."""
         still = _at_rest(world)
         pictures = [s.sensed(still, _of_light)[0] for s in self.shots]
-        return self._figures(pictures, self._noisy(world), self._open_for(world))
+        return self._figures(pictures, self._noisy(world), self._exposure(world))
 
-    def _open_for(self, world: World) -> float:
+    def _exposure(self, world: World) -> float:
         """Return the exposure time of the camera, s."""
         return values_of(world, MOTION, self.shots[0].rendering.eye.believed.name).get("exposure", 0.0)
 
@@ -82,18 +82,11 @@ class LightFigures:
             return self.still
         out = []
         for shot, still in zip(self.shots, self.still, strict=True):
-            picture = type(shot.rendering)(
-                shot.rendering.eye,
-                shot.rendering.q,
-                still,
-                shot.rendering.depth,
-                shot.rendering.parts,
-                shot.rendering.pose,
-            )
-            out.append(through_sensor(noise, picture, SEED + shot.number)[0])
+            out.append(through_sensor(noise, replace(shot.rendering, rgb=still), SEED + shot.number)[0])
         return out
 
     def _figures(self, pictures: Sequence[np.ndarray], grain: Sequence[np.ndarray], seconds: float) -> np.ndarray:
+        """Return the figures (frames, figures) of `pictures`; their noise is that of `grain`, exposed for `seconds`."""
         fall = self.links.slopes([TO_LINEAR[p][..., 1] for p in pictures])
         rows = []
         for shot, picture, rough, slope in zip(self.shots, pictures, grain, fall, strict=True):
@@ -155,9 +148,8 @@ def _growth(square: np.ndarray, shot: Shot, good: np.ndarray) -> float:
     rows = good & np.isin(shot.borders.body, shot.borders.body[speed > (STILL / 1e3) ** 2])
     if rows.sum() < EDGES:
         return np.nan
-    slow, fast = (
-        rows & some for some in (speed <= np.quantile(speed[rows], 0.33), speed >= np.quantile(speed[rows], 0.67))
-    )
+    slow = rows & (speed <= np.quantile(speed[rows], 0.33))
+    fast = rows & (speed >= np.quantile(speed[rows], 0.67))
     apart = float(np.median(speed[fast]) - np.median(speed[slow]))
     return float(np.median(square[fast]) - np.median(square[slow])) / apart if apart > (FAST / 1e3) ** 2 else np.nan
 
@@ -169,12 +161,10 @@ def _grain(picture: np.ndarray, shot: Shot) -> np.ndarray:
     mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32) / 6
     green = picture[..., 1].astype(np.float32)
     local = np.sqrt(np.maximum(cv2.boxFilter(cv2.filter2D(green, -1, mask) ** 2, -1, (7, 7)), 0))
-    kind, inside = (
-        np.digitize(cv2.boxFilter(green, -1, (7, 7)), LEVELS),
-        depth_residual(shot.rendering.depth, shot.rendering).interior,
-    )
+    bins = np.digitize(cv2.boxFilter(green, -1, (7, 7)), LEVELS)
+    inside = depth_residual(shot.rendering.depth, shot.rendering).interior
     out = []
     for k in range(1, len(LEVELS)):
-        rows = local[inside & (kind == k)]
+        rows = local[inside & (bins == k)]
         out.append(float(np.log(np.hypot(np.quantile(rows, QUIET), GRAIN))) if len(rows) >= 10 * FEW else np.nan)
     return np.array(out)

@@ -45,10 +45,10 @@ def comparable(rec: Recording) -> bool:
     frames = rec.frames
     if frames is None or not len(frames) or any(frames.cameras[name].pose is None for name in frames.names):
         return False
-    return all(len(_standing(rec, frames.of(name))) >= RULES.frames_least for name in frames.names)
+    return all(len(_with_angles(rec, frames.of(name))) >= RULES.frames_least for name in frames.names)
 
 
-def _standing(rec: Recording, frames: Frames) -> np.ndarray:
+def _with_angles(rec: Recording, frames: Frames) -> np.ndarray:
     """Return the indices (n,) of the frames whose joint angles are known, whatever the delay of the camera."""
     asked = (0.0, -DELAYS.max() - INSTANT, -DELAYS.min() + INSTANT)
     known = [np.isfinite(joints_at(rec, frames.times + t, frames.episodes)).all(1) for t in asked]
@@ -66,7 +66,7 @@ def _curve(rec: Recording, episode: int) -> CubicSpline | None:
 def _sight(rec: Recording, name: str, frames: Frames) -> Sight:
     """Return the sight of camera `name`, of which `frames` are all frames; raise UserError if too few are usable."""
     episodes = frames.episodes
-    q, rows = joints_at(rec, frames.times, episodes), _standing(rec, frames)
+    q, rows = joints_at(rec, frames.times, episodes), _with_angles(rec, frames)
     if len(rows) < RULES.frames_least:
         what = f"camera '{name}' has too few frames at measured joint angles"
         raise UserError(what, file=rec.path, expected=f"{RULES.frames_least} or more", got=len(rows))

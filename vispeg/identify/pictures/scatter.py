@@ -107,6 +107,11 @@ def likelihoods(parts: Sequence[Columns], sizes: Sequence[tuple[float, float]]) 
 
 
 def _likelihood(products: Sequence[tuple[np.ndarray, list[int]]], robot: float, field: float) -> float:
+    """Return the restricted log likelihood of standard deviations `robot` (rad) and `field` (px).
+
+    `products` are, for each recording, the cross products of its columns, and the numbers of its common, joint and
+    field columns.
+    """
     total, information, along = 0.0, np.zeros(()), np.zeros(())
     for square, counts in products:
         size, k = np.repeat([1.0, robot, field], counts), sum(counts)

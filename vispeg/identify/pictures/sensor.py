@@ -166,13 +166,17 @@ class SensorEvidence(Evidence):
         return self._apart(self.misplaced(first), self.misplaced(other))
 
     def _apart(self, first: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> dict[str, float]:
+        """Return by name the median difference of each figure over the frames, over its `ordinary`.
+
+        Of several items that of the largest size; a figure known in under a third of an item's frames is not counted.
+        """
         out: dict[str, float] = {}
         for item, a, b in zip(self.items, first, other, strict=True):
             for k, figure in enumerate(item.figures.table):
                 apart = (a - b)[:, k][np.isfinite((a - b)[:, k])]
                 if len(apart) >= len(a) / 3:
-                    mean = float(np.median(apart) * item.each[k] / figure.ordinary)
-                    out[figure.name] = max(mean, out.get(figure.name, 0.0), key=abs)
+                    times = float(np.median(apart) * item.each[k] / figure.ordinary)
+                    out[figure.name] = max(times, out.get(figure.name, 0.0), key=abs)
         return out
 
     def errors(self, worlds: Sequence[World]) -> list[float]:
@@ -222,8 +226,8 @@ def sensor_evidence(
     world = world.over(scene.stated)
     lit = any(effect(e.effect).family == "appearance" for e in world.effects)
     items = []
-    for sight, some in shots:
-        has = [s for s in some if (s.depth if kind == "depth" else s.rgb) is not None]
+    for sight, taken in shots:
+        has = [s for s in taken if (s.depth if kind == "depth" else s.rgb) is not None]
         if len(has) < RULES.frames_sensor:
             continue
         figures = DepthFigures(has, _ordinary(sight)) if kind == "depth" else LightFigures(has, lit)

@@ -48,8 +48,9 @@ def _things(geometry: Geometry, p: Points) -> list[tuple[np.ndarray, np.ndarray,
 
 
 def nuisances(geometry: Geometry, item: Item, world: World, arm: Postures) -> tuple[np.ndarray, np.ndarray]:
-    """Return the effect of one standard deviation of each common unknown (n, k), and of one rad of each joint in each
-    frame.
+    """Return columns (n, k) of the common unknowns, and columns (n, frames nj) of the joints in each frame.
+
+    A column is the effect on each point, in noise units, of one standard deviation of an unknown or one rad of a joint.
     """
     p, sight, scene = item.points, item.sight, geometry.scene
     scale = np.sqrt(item.trust) * item.valid[:, 0] / item.sigma[0]
