@@ -16,7 +16,14 @@ from vispeg.diagnosis.schema import ProposalRecord
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 
-TOLD = ("verdict", "reason", "effects", "ladder", "noise_floor", "recordings")  # fields of the baseline's record kept
+KEPT = (
+    "verdict",
+    "reason",
+    "effects",
+    "ladder",
+    "noise_floor",
+    "recordings",
+)  # of the baseline's record
 
 
 def diagnose_change(
@@ -55,6 +62,7 @@ def diagnose_change(
     arm = diagnose(world, baseline[:-1], baseline[-1:], plan_next=False, progress=both.part("baseline"), **options)
     say("what changed")
     marked = {e.label: e for e in arm.world.effects}
+    # not partial, as `diagnose` would refit such effects
     held = replace(arm.world, effects=tuple(replace(e, partial=False) for e in arm.world.effects))
     change = diagnose(held, fitted, held_out, plan_next=plan_next, likely=likely, progress=both, **options)
     effects = tuple(
@@ -63,5 +71,5 @@ def diagnose_change(
     return replace(
         change,
         world=replace(change.world, effects=effects),
-        record=change.record | {"baseline": {key: arm.record[key] for key in TOLD}},
+        record=change.record | {"baseline": {key: arm.record[key] for key in KEPT}},
     )

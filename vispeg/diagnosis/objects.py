@@ -146,8 +146,8 @@ def diagnose_object(
     search.seed = seed
     got, state = concluded(search, world, (fitted, held_out))
     say("what each length of window can tell")
-    told = partial(windows, search, world, state.world)
-    rows = search.progress.recall(["windows", model_text(state.world)], told)
+    work_out = partial(windows, search, world, state.world)
+    rows = search.progress.recall(["windows", model_text(state.world)], work_out)
     record = got.record
     never = [s for s in record.get("shows_from", ()) if not any(s["between"].values())]
     record["object"], record["restarts"] = model.name, rows

@@ -88,10 +88,10 @@ def concluded(
     search.say("what else would do as well")
     rivals = search.rivals(state, n_fixed)
     errors = judged.errors([world, state.world])
-    seen = (errors[0] / judged.floor, errors[1] / judged.floor)
+    over_floor = (errors[0] / judged.floor, errors[1] / judged.floor)
     n_added = len(final.effects) - n_fixed
     after, floor = search.judge.mean(state.loss), search.judge.floor(state.world)
-    verdict = decide(state.first, after, n_added, rivals, [], floor, errors=seen)
+    verdict = decide(state.first, after, n_added, rivals, [], floor, errors=over_floor)
     final = with_origin(final, n_fixed, *recordings, errors[0], errors[1], verdict.partial)
     search.say("working out what could not have been seen")
     record: DiagnosisRecord = {

@@ -169,7 +169,7 @@ class _Side:
         """Return the torque (nvariant, n, nj) N m of each effect when added to the world."""
         parts = (variants[k : k + BATCH] for k in range(0, len(variants), BATCH))
         lacks = [self.lacks(*(self.world.add(v) for v in part)).reshape(-1, *self.y.shape) for part in parts]
-        return np.concatenate([(self.y - some).astype(np.float32) for some in lacks])
+        return np.concatenate([(self.y - part).astype(np.float32) for part in lacks])
 
     @property
     def power(self) -> np.ndarray:
@@ -277,7 +277,7 @@ class Linear:
         c = cho_solve(factor, self.slope[i])
         evidence = 0.5 * c @ self.slope[i] - np.log(np.diag(factor[0])).sum() - self.price * len(chosen)
         gram, slope, total = self.held
-        return float(evidence), -0.5 * _left(c, i, gram, slope, float(total)), c
+        return float(evidence), -0.5 * _squared(c, i, gram, slope, float(total)), c
 
     def additions(self, chosen: Sequence[int]) -> list[int]:
         """Return up to `first_looked` entries that raise L if added to the chosen ones, by decreasing rise."""
@@ -319,11 +319,11 @@ class Linear:
             chosen, moves = self.climb(chosen)
             path += moves
             c, i = self.score(chosen)[2], self._rows(chosen)
-            squares = np.array([_left(c, i, *joint) for joint in zip(*self.parts[1], strict=True)])
-            more = np.maximum(self.variance, squares / np.maximum(self.sides[1].moves.sum(axis=0), 1))
-            if np.all(more <= RULES.first_same * self.variance):
+            squares = np.array([_squared(c, i, *joint) for joint in zip(*self.parts[1], strict=True)])
+            variance = np.maximum(self.variance, squares / np.maximum(self.sides[1].moves.sum(axis=0), 1))
+            if np.all(variance <= RULES.first_same * self.variance):
                 break
-            self.weigh(more)
+            self.weigh(variance)
         return chosen, path
 
     def climb(self, chosen: list[int]) -> tuple[list[int], list[str]]:
@@ -388,7 +388,7 @@ class Linear:
 
     def _loss(self, chosen: Sequence[int]) -> float:
         """Return the weighted squared residual of a set on the fitted recordings."""
-        return _left(self.score(chosen)[2], self._rows(chosen), self.gram, self.slope, float(self.total))
+        return _squared(self.score(chosen)[2], self._rows(chosen), self.gram, self.slope, float(self.total))
 
     def _rows(self, chosen: Sequence[int]) -> np.ndarray:
         return np.concatenate([self.of[k] for k in chosen]) if len(chosen) else np.zeros(0, int)
@@ -505,6 +505,6 @@ def _sums(side: _Side, variants: Sequence[EffectInstance], lead: np.ndarray) -> 
     return gram, slope, total
 
 
-def _left(c: np.ndarray, i: np.ndarray, gram: np.ndarray, slope: np.ndarray, total: float) -> float:
+def _squared(c: np.ndarray, i: np.ndarray, gram: np.ndarray, slope: np.ndarray, total: float) -> float:
     """Return y'y - 2 c'X'y + c'X'X c, the squared residual with coefficients `c` for the columns `i`."""
     return float(total - 2.0 * c @ slope[i] + c @ gram[np.ix_(i, i)] @ c)

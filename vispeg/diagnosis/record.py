@@ -131,15 +131,10 @@ def candidates(state: State, rivals: Sequence[Rivals], n_fixed: int) -> list[Can
     out += [_candidate(t, t.rejected, n_fixed) for t in state.last]
     listed = {(c["effect"], c["where"]) for c in out}
     for r in rivals:
-        out += [
-            _candidate(
-                t,
-                t.rejected or ("indistinguishable from" if t in r.equals else "explains less than") + f" {r.label}",
-                n_fixed,
-            )
-            for t in r.tried
-            if t.score.key not in listed
-        ]
+        for t in r.tried:
+            if t.score.key not in listed:
+                compared = "indistinguishable from" if t in r.equals else "explains less than"
+                out.append(_candidate(t, t.rejected or f"{compared} {r.label}", n_fixed))
     return out
 
 
@@ -163,8 +158,8 @@ def coarse_encoders(rec: Recording, judged: Evidence, world: World) -> list[str]
     """
     steps = {joint: quantization(rec.q[:, j]) for j, joint in enumerate(rec.joints)}
     sigma = judged.items[0].recording.noise.get("q", 0.0)
-    said = {e.where for e in world.effects if effect(e.effect).overrides("resolution")}
-    steps = {joint: step for joint, step in steps.items() if joint not in said and ALL not in said}
+    known = {e.where for e in world.effects if effect(e.effect).overrides("resolution")}
+    steps = {joint: step for joint, step in steps.items() if joint not in known and ALL not in known}
     unstated = "" if "q" in rec.noise else "; state the encoders' noise (`noise: q`) to have that in the model"
     return [
         f"{joint} is read in steps of {step:.2g} rad{unstated}"
@@ -221,11 +216,11 @@ def channels(evidence: Evidence, predicted: list[np.ndarray], least: list[np.nda
     """
     out, names = [], evidence.items[0].robot.joints
     for ((kind, unit, j), pairs), floor in zip(evidence.columns.items(), evidence.floors, strict=True):
-        which = [(evidence.items[i], predicted[i], k) for i, k in pairs]
-        column = [(item.measured[:, k], y[:, :, k], item.valid[:, k]) for item, y, k in which]
-        size = max(sum(int(v.sum()) for *_, v in column), 1)
+        placed = [(evidence.items[i], predicted[i], k) for i, k in pairs]
+        column = [(item.measured[:, k], y[:, :, k], item.valid[:, k]) for item, y, k in placed]
+        count = max(sum(int(v.sum()) for *_, v in column), 1)
         error = [
-            np.sqrt(sum(np.sum((m - y[w])[v] ** 2) for m, y, v in column) / size) for w in range(len(predicted[0]))
+            np.sqrt(sum(np.sum((m - y[w])[v] ** 2) for m, y, v in column) / count) for w in range(len(predicted[0]))
         ]
         row: Channel = {
             "channel": kind,
@@ -236,6 +231,6 @@ def channels(evidence: Evidence, predicted: list[np.ndarray], least: list[np.nda
             "unit": f"{unit} RMS",
         }
         if least is not None:
-            row["least_squares"] = float(np.sqrt(sum(np.sum(r[:, j] ** 2) for r in least) / size))
+            row["least_squares"] = float(np.sqrt(sum(np.sum(r[:, j] ** 2) for r in least) / count))
         out.append(row)
     return out

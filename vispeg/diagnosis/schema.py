@@ -52,6 +52,7 @@ class Failure(TypedDict):
     share: float
 
 
+# The worst cell of a map (`localise.peaks`): its bounds, in the unit of `axis`, and the RMS missing torque over noise
 Peak = TypedDict(
     "Peak",
     {

@@ -95,14 +95,14 @@ def arrays(drawn: Sequence[Trace], columns: Sequence[str], regimes: Sequence[str
     out |= {"phases": np.array(regimes)} if len(regimes) else {}
     row = -1
     for trace in drawn:
-        end = BESIDE.get(trace.channel) if trace.beside else ""
-        if end is None:
+        suffix = BESIDE.get(trace.channel) if trace.beside else ""
+        if suffix is None:
             continue
         values = {"measured": trace.measured, "before": trace.before, "after": trace.after}
-        if not end:
+        if not suffix:
             row += 1
             out |= {f"{row}/time": trace.time, f"{row}/name": np.array(trace.name)}
             values |= {"posture": trace.posture, "phase": trace.regime}
         values |= {"sigma": trace.noise, "channel": np.array(trace.channel)}
-        out |= {f"{row}/{key}{end}": value for key, value in values.items() if value is not None}
+        out |= {f"{row}/{key}{suffix}": value for key, value in values.items() if value is not None}
     return out

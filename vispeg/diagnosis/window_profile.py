@@ -48,7 +48,7 @@ def sizes(param: Param) -> list[float]:
     more than half as large, so one of them detects any visible effect.
     """
     if param.null > 0:
-        away = np.log(12) / 2.0 ** np.arange(6)
+        away = np.log(12) / 2.0 ** np.arange(6)  # from a factor of 12 down
         values = param.null * np.exp(np.concatenate([-away, away[::-1]]))
     else:
         values = param.null + (param.start - param.null) * np.array([-2.0, -1.0, -0.5, 0.25, 0.5, 1.0, 1.5])

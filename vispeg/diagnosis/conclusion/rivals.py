@@ -123,19 +123,20 @@ def _proposed(search: Searching, state: State, n_fixed: int, say: Callable[[str]
         * (1 + len(state.world.effects))
         * (1 + 2 * (RULES.rivals_linear + RULES.rivals_screened))
     )
-    some, by_label = max(1, AT_ONCE // size), {}
-    for start in range(0, len(placed), some):
-        part = placed[start : start + some]
+    batch, by_label = max(1, AT_ONCE // size), {}
+    for start in range(0, len(placed), batch):
+        part = placed[start : start + batch]
         say(f"looking for rivals of {', '.join(e.label for e in part)}")
         reduced = _without(search, state, part, n_fixed)
         tries = []
-        for e, beside in zip(part, reduced, strict=True):
+        for e, without in zip(part, reduced, strict=True):
             proposed = [Score(r, 0.0) for r in asked.get(e.label, ())]
-            screened, tested = search.instead(beside, e) if e.where in beyond else ([], 0)
+            screened, tested = search.instead(without, e) if e.where in beyond else ([], 0)
             scores = {s.key: s for s in (*screened, *proposed[: RULES.rivals_linear])}
-            tries.append((beside, list(scores.values()), max(tested, len(proposed))))
-        for e, beside, trials in zip(part, reduced, search.try_each(tries, n_fixed, _goal(search, state)), strict=True):
-            by_label[e.label] = _compare(search, state, e.label, trials, search.judge.mean(beside.loss))
+            tries.append((without, list(scores.values()), max(tested, len(proposed))))
+        found = search.try_each(tries, n_fixed, _goal(search, state))
+        for e, without, trials in zip(part, reduced, found, strict=True):
+            by_label[e.label] = _compare(search, state, e.label, trials, search.judge.mean(without.loss))
     return [by_label.get(e.label, Rivals(e.label, (), ())) for e in state.world.effects[n_fixed:]]
 
 

@@ -137,7 +137,7 @@ def shows_from(
             rows.setdefault((name, where), {})[parameter] = size if np.isfinite(size) else None
         return [[*key, sizes] for key, sizes in rows.items()]
 
-    which = hashlib.sha256(state.residual.tobytes()).hexdigest()  # depth and light ask the same question
+    which = hashlib.sha256(state.residual.tobytes()).hexdigest()  # depth and light ask about the same world
     rows = search.progress.recall(["shows from", which, model_text(state.world)], work_out)
     return [
         {"effect": name, "where": where, "between": between(name, {k: v or np.inf for k, v in sizes.items()})}
@@ -250,8 +250,8 @@ class _Worth:
         self.spectra = spectra(evidence, residual)
         self.correlations = correlations(self.spectra, self.spectra)
 
-    def test(self, column: np.ndarray, more: int) -> Callable[[float], bool]:
-        """Return the test of a multiple of a trace (n,), for an effect with `more` parameters."""
+    def test(self, column: np.ndarray, parameters: int) -> Callable[[float], bool]:
+        """Return the test of a multiple of a trace (n,), for an effect with so many `parameters`."""
         changed = spectra(self.evidence, column)
         mixed, own = correlations(self.spectra, changed), correlations(changed, changed)
         square = max(float(self.residual @ self.residual), 1e-300)
@@ -262,6 +262,6 @@ class _Worth:
             time = time_of([a + 2.0 * times * b + times**2 * c for a, b, c in parts])
             n = max(2.0, self.evidence.count / (2.0 * time))
             drop = np.log1p(times * (2.0 * slope + times * curve) / square)
-            return bool(n * drop > more * np.log(n))
+            return bool(n * drop > parameters * np.log(n))
 
         return passes

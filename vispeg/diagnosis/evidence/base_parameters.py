@@ -89,6 +89,8 @@ def _rigid(item: Item, ddq: np.ndarray) -> np.ndarray:
 
     nothing = torque()
     for body in fields.links:
+        # 0: a unit mass at the link's frame, 1 to 3: 1 m from it along x, y, z; 4 to 6: a unit inertia about x, y, z,
+        # 7 to 9: about axes turned by 45 degrees
         for k in range(10):
             mass[:, body] = float(k < 4)
             com[:, body] = np.eye(3)[k - 1] if 1 <= k < 4 else 0.0

@@ -58,18 +58,19 @@ def changes(items: Sequence[Item], fit: Fit, n_fixed: int, excess: Mapping[str, 
     times, channel = _entries(items, _times(items)), _channels(items)
     over_time = _moments(fit, times)
     for j, joint in enumerate(joints):
-        placed = {k: _magnitudes(fit, k) for k, e in enumerate(fit.world.effects) if k >= n_fixed and e.where == joint}
-        placed = {k: axes for k, axes in placed.items() if axes and fit.u[axes[0]] != null[axes[0]]}
-        if not placed:
+        here = [k for k, e in enumerate(fit.world.effects) if k >= n_fixed and e.where == joint]
+        by_effect = {k: _magnitudes(fit, k) for k in here}
+        by_effect = {k: axes for k, axes in by_effect.items() if axes and fit.u[axes[0]] != null[axes[0]]}
+        if not by_effect:
             continue
         quarters = _entries(items, _quarters(np.concatenate([item.posture[:, j] for item in items])))
         ways = [
             ("time", over_time, _moments(fit, times, channel == j)),
             ("position", _moments(fit, quarters), _moments(fit, quarters, channel == j)),
         ]
-        for k, axes in placed.items():
-            for over, everywhere, here in ways:
-                drop, moved = _apart(everywhere, here, axes)
+        for k, axes in by_effect.items():
+            for over, everywhere, own in ways:
+                drop, moved = _apart(everywhere, own, axes)
                 parts = 1.0 + moved / (fit.u - null)[axes[0]]
                 if drop >= RULES.parts_remove * excess[joint] and np.ptp(parts) >= RULES.parts_apart:
                     label = fit.world.effects[k].label

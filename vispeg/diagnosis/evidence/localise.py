@@ -94,7 +94,7 @@ def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingT
             return np.einsum("nij,nj->ni", mass, acc) + control.kd * rate + control.kp * d
         kp, kd, spring, damper = OBSERVER**2, 2 * OBSERVER, *observer_spring(item.robot, inertia)
         if control.mode == "osc":
-            kp, kd, spring, damper = *_means(control), 0.0, 0.0
+            kp, kd, spring, damper = *_mean_gains(control), 0.0, 0.0
         elif control.mode == "servo":
             kp, kd, spring, damper = SERVO**2, 2.0 * SERVO, 0.0, 0.0
         return np.einsum("nij,nj->ni", mass, acc + kd * rate + kp * d) + damper * rate + spring * d
@@ -111,7 +111,7 @@ def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingT
     return MissingTorque(time, q, dq, ddq, tau, needed, torque(difference)[valid], np.maximum(sigma, 1e-9))
 
 
-def _means(control: Control) -> tuple[float, float]:
+def _mean_gains(control: Control) -> tuple[float, float]:
     """Return the mean gains kp, kd of an operational-space loop; enough to convert angle differences to torques."""
     if control.kp is None or control.kd is None:
         return OBSERVER**2, 2 * OBSERVER

@@ -57,14 +57,15 @@ class Signature:
         kind, count = effect(self.probe.effect), len(self.names)
         low, high = self.bounds[:, :count]
         values = self.probe.params
-        inside = [a <= c <= b and not _at_edge(p := kind.params[m], p.null + c * (values[m].value - p.null))
-                  for m, a, b, c in zip(self.names, low, high, coefficients, strict=False)]  # fmt: skip
-        shifts = {m: STEP * c / max(abs(coefficients[0]), 1e-12)
-                  for m, c in zip(self.moments, coefficients[count:], strict=False)}  # fmt: skip
-        for m, shift in shifts.items():
+        for m, a, b, c in zip(self.names, low, high, coefficients, strict=False):
             p = kind.params[m]
-            inside.append(p.low < self.probe.params[m].value + shift * (p.high - p.low) < p.high)
-        return all(inside)
+            if not a <= c <= b or _at_edge(p, p.null + c * (values[m].value - p.null)):
+                return False
+        for m, c in zip(self.moments, coefficients[count:], strict=False):
+            p, shift = kind.params[m], STEP * c / max(abs(coefficients[0]), 1e-12)
+            if not p.low < values[m].value + shift * (p.high - p.low) < p.high:
+                return False
+        return True
 
     def placed(self, coefficients: Sequence[float]) -> EffectInstance:
         """Return the effect with start values for a fit from the coefficients; magnitudes are kept away from null."""
@@ -158,7 +159,7 @@ def guessed(name: str, where: str, item: Item, joint_data: Sequence[JointData]) 
     data = joint_data[joints.index(where)] if where in joints else None
     guesses = kind.guesses(data) if data is not None else [{}]
     out = []
-    most = {} if data is None else _most(data)
+    most = {} if data is None else _largest(data)
     for guess in guesses:
         values = {m: kind.params[m].start for m in kind.magnitudes}
         null = [m for m in values if kind.params[m].null == 0]
@@ -167,18 +168,18 @@ def guessed(name: str, where: str, item: Item, joint_data: Sequence[JointData]) 
     return out
 
 
-def _most(data: JointData) -> dict[str, float]:
+def _largest(data: JointData) -> dict[str, float]:
     """Map each unit to the largest value of a probe, so that no effect makes more torque than is missing.
 
     A typical value may be far too large: half a newton metre of friction, or a tenth of a kg m2 of rotor inertia, would
     stop a wrist, and that far from null no signature is linear.
     """
-    missing = max(_usual(data.excess), 1e-3)
+    missing = max(_nine_tenths(data.excess), 1e-3)
     moved = {"N m s/rad": data.dq, "kg m2": data.ddq, "N m/rad": data.q - np.median(data.q)}
-    return {"N m": missing} | {unit: missing / max(_usual(v), 1e-3) for unit, v in moved.items()}
+    return {"N m": missing} | {unit: missing / max(_nine_tenths(v), 1e-3) for unit, v in moved.items()}
 
 
-def _usual(values: np.ndarray) -> float:
+def _nine_tenths(values: np.ndarray) -> float:
     """Return the magnitude that nine in ten values do not exceed."""
     return float(np.quantile(np.abs(values), 0.9))
 

@@ -29,7 +29,7 @@ def begun(evidence: Evidence, world: World, asked: Sequence[int]) -> World:
         missing = [missing_torque(item, y[0]) for item, y in zip(evidence.items, predicted, strict=True)]
         data = joint_data(missing, evidence.items)
         guesses = [guessed(world.effects[i].effect, joint, evidence.items[0], data) for i in here]
-        options = [[world.effects[i], *some] for i, some in zip(here, guesses, strict=True)]
+        options = [[world.effects[i], *others] for i, others in zip(here, guesses, strict=True)]
         worlds = [_with(world, here, placed) for placed in product(*options)]
         squared = [squares(r) for r in evidence.each_residual(worlds)]
         world = worlds[int(np.argmin(squared))]

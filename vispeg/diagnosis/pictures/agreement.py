@@ -59,7 +59,7 @@ def agreement(search: PictureSearch, added: World, without: World, n_fixed: int)
 
 
 def _difference(judged: BorderEvidence, first: World, other: World) -> np.ndarray:
-    """(n,) px along the normals between two worlds' borders, at trusted points; NaN at the rest."""
+    """Return (n,) px along the normals between two worlds' borders, at trusted points; NaN elsewhere."""
     trusted = np.concatenate([item.valid[:, 0] for item in judged.items])
     a, b = (np.concatenate(judged.misplaced(w)) for w in (first, other))
     return np.where(trusted, a - b, np.nan)

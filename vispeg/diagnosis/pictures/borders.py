@@ -23,11 +23,11 @@ class BorderSearch(PictureSearch):
 
     @property
     def least_share(self) -> float:
-        """As `PictureSearch`; lower, because projection is nearly exact and `doubt` also demands a change in px."""
+        """Share as in `PictureSearch`; lower, as projection is nearly exact and `doubt` also demands a change in px."""
         return RULES.later
 
     def ways(self, state: State, n_fixed: int) -> Sequence[Callable[[State, int], bool]]:
-        """As `PictureSearch`; then effects are replaced by simpler or better ones."""
+        """Return the moves of `PictureSearch`, then the replacement of effects by simpler or better ones."""
         return (*super().ways(state, n_fixed), self._replace)
 
     def _replace(self, state: State, n_fixed: int) -> bool:
@@ -43,11 +43,11 @@ class BorderSearch(PictureSearch):
         return True
 
     def doubt(self, placed: EffectInstance, added: World, without: World, n_fixed: int) -> str:
-        """As `PictureSearch`: the other effects can replace it, or the two recordings disagree on it."""
+        """Return why it must not be named, or "": others can replace it, or the two recordings disagree on it."""
         return agreement(self, added, without, n_fixed).doubt(self.least_of(placed))
 
     def least_of(self, placed: EffectInstance) -> float:
-        """As `PictureSearch`; less for effects of time, which an error of appearance cannot imitate."""
+        """Return the least change; it is less for effects of time, which no error of appearance imitates."""
         return RULES.moving_px if placed.effect in OF_TIME else self.least
 
     def _simpler(self, state: State, n_fixed: int) -> tuple[Trial, list[Trial]] | None:

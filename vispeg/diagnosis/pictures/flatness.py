@@ -34,7 +34,7 @@ def heights_left(geometry: Geometry, fitted: Sequence[Sight], judged: Sequence[S
 
     Empty without a board in both, and if not all boards are the same.
     """
-    first, second = (_stacked(geometry, some, world) for some in (fitted, judged))
+    first, second = (_stacked(geometry, sights, world) for sights in (fitted, judged))
     if first is None or second is None or len({s.board for s in (*fitted, *judged)} - {None}) > 1:
         return []
     return [judge_heights(*first, *second)]
@@ -65,8 +65,8 @@ def _stacked(geometry: Geometry, sights: Sequence[Sight], world: World) -> Heigh
     parts = []
     for sight in sights:
         looks = list(looks_of(geometry, sight, world).values())
-        if sight.board is not None and (some := heights_of_views(geometry.eyes[sight.camera.name], sight.board, looks)):
-            parts.append(some)
+        if sight.board is not None and (part := heights_of_views(geometry.eyes[sight.camera.name], sight.board, looks)):
+            parts.append(part)
     return _concatenated(parts) if parts else None
 
 

@@ -42,7 +42,7 @@ def in_parts(search: PictureSearch, state: State, n_fixed: int) -> tuple[State, 
     Returns:
         The state, and a message for every effect with competing sets of parts.
     """
-    said = []
+    messages = []
     for here in range(n_fixed, len(state.world.effects)):
         placed = state.world.effects[here]
         kind = effect(placed.effect)
@@ -57,17 +57,17 @@ def in_parts(search: PictureSearch, state: State, n_fixed: int) -> tuple[State, 
         assert full.fit is not None
         chosen, *others = smallest(full.fit, here, wide.parts)
         if others:
-            sets = ", ".join(" and ".join(names[0].split("_")[0] for names in some) for some in (chosen, *others))
-            said.append(f"{placed.label}: these distances cannot tell which it is of {sets}")
-        if kind.part_of and any(some == ((kind.part_of[1],),) for some in (chosen, *others)):
+            sets = ", ".join(" and ".join(names[0].split("_")[0] for names in kept) for kept in (chosen, *others))
+            messages.append(f"{placed.label}: these distances cannot tell which it is of {sets}")
+        if kind.part_of and any(kept == ((kind.part_of[1],),) for kept in (chosen, *others)):
             continue  # the part with a name of its own
         absent = [name for part in wide.parts if part not in chosen for name in part]
         if not absent:
             state = full
             continue
-        lean = full.world.effects[here].with_values(**{k: wide.params[k].null for k in absent})
-        state = _fitted(search, state, _put(full.world, here, lean), n_fixed, [(wide.name, k) for k in absent])
-    return state, tuple(said)
+        reduced = full.world.effects[here].with_values(**{k: wide.params[k].null for k in absent})
+        state = _fitted(search, state, _put(full.world, here, reduced), n_fixed, [(wide.name, k) for k in absent])
+    return state, tuple(messages)
 
 
 def _put(world: World, index: int, placed: EffectInstance) -> World:
@@ -96,13 +96,13 @@ def smallest(fit: Fit, index: int, parts: Parts) -> list[Parts]:
         parts: the effect's parameters, part by part.
     """
     axes = fit.space.axes
-    where = {a.name: k for k, a in enumerate(axes) if a.index == index}
+    axis_of = {a.name: k for k, a in enumerate(axes) if a.index == index}
     covariance = fit.correlation * np.outer(fit.sigma, fit.sigma)
     off = fit.u - np.array([fit.space.forward(a.param.null, a) for a in axes])
 
     def absent(kept: Parts) -> float:
         """Return the confidence at which a fit rejects that the other parts are null."""
-        rows = [where[n] for part in parts if part not in kept for n in part if n in where]
+        rows = [axis_of[n] for part in parts if part not in kept for n in part if n in axis_of]
         if not rows:
             return 0.0
         block = covariance[np.ix_(rows, rows)]

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.evidence.remainder import Dependence
 from vispeg.identify.pictures.points import Points, pixels
 from vispeg.identify.pictures.robust import noise_of, trust
 from vispeg.identify.pictures.sight import Sight
@@ -32,11 +31,6 @@ class Left:
     size: float
     where: str
 
-    @property
-    def dependence(self) -> Dependence:
-        """The dependence in the form of the other diagnoses."""
-        return Dependence(self.input, round(self.share, 3), self.where)
-
 
 def left_over(
     fitted: Sequence[tuple[Sight, Points]], judged: Sequence[tuple[Sight, Points]], parts: Sequence[str]
@@ -53,11 +47,11 @@ def left_over(
     for name, key, words in (
         ("place in the image", "cell", [_cell(i) for i in range(CELLS[0] * CELLS[1])]),
         ("part", "part", ["nothing", *parts]),
-        ("distance", "distance", _distances(a["depth"])),
+        ("distance", "distance", _distances()),
     ):
-        fine, most = {}, (0.0, "")
+        most = (0.0, "")  # largest drop in one bin, and the bin in words
         design = (_bins(a, key), _bins(b, key))
-        gain = total = square = weight = 0.0
+        gain = square = weight = 0.0
         for value in np.unique(design[0]):
             rows, held = design[0] == value, design[1] == value
             if rows.sum() < RULES.left_points or held.sum() < RULES.left_points_held:
@@ -67,12 +61,10 @@ def left_over(
             away = b["away"][held]
             w = np.maximum(trust(away, noise), trust(away - predicted, noise))
             drop = float(np.sum(w * (away**2 - (away - predicted) ** 2)))
-            size = float(np.sqrt(np.mean(predicted**2)))
-            fine[value] = drop
             if drop > 0:
                 gain, square, weight = gain + drop, square + float(np.sum(predicted**2)), weight + held.sum()
                 most = max(most, (drop, words[int(value)] if int(value) < len(words) else str(value)))
-        total = float(np.sum(np.minimum(b["away"] ** 2, 64.0)))
+        total = float(np.sum(np.minimum(b["away"] ** 2, 64.0)))  # px^2; at most 8 px count
         size = float(np.sqrt(square / weight)) if weight else 0.0
         out.append(Left(name, max(gain, 0.0) / max(total, 1e-9), size, most[1]))
     return sorted(out, key=lambda x: -x.share)
@@ -97,18 +89,18 @@ def moved_most(
     model, apart = geometry.model, list[tuple[str, float]]()
     for name in geometry.scene.things:
         if model.body_weldid[model.body(name).id] == 0:
-            one, two = (_standing(geometry, some, world, model.body(name).id) for some in (first, other))
+            one, two = (_standing(geometry, group, world, model.body(name).id) for group in (first, other))
             if one is not None and two is not None:
                 apart.append((name, 1e3 * float(np.linalg.norm(np.subtract(one, two)))))
     return max(apart, key=lambda thing: thing[1], default=None)
 
 
 def _standing(
-    geometry: Geometry, some: Sequence[tuple[Sight, Points]], world: World, body: int
+    geometry: Geometry, group: Sequence[tuple[Sight, Points]], world: World, body: int
 ) -> tuple[float, ...] | None:
     """Return a body's displacement (3,) m in its own frame; None if too few points show it."""
     columns, away = [], []
-    for sight, p in some:
+    for sight, p in group:
         p = p.only(np.flatnonzero((p.body == body) & np.isfinite(p.along)))
         if len(p.frame):
             here = pixels(geometry, sight, world, p)
@@ -129,10 +121,10 @@ def _standing(
     return tuple(shift.tolist())
 
 
-def _table(some: Sequence[tuple[Sight, Points]]) -> dict[str, np.ndarray]:
-    """Collect the readings of all points with an edge."""
+def _table(group: Sequence[tuple[Sight, Points]]) -> dict[str, np.ndarray]:
+    """Collect the readings of all points with an edge: misplacement, normal, depth, part, and cell of the image."""
     rows = []
-    for sight, p in some:
+    for sight, p in group:
         good = np.isfinite(p.along)
         size = np.array([sight.camera.width, sight.camera.height])
         cell = np.clip((p.pixel + 0.5) / size * CELLS, 0, np.array(CELLS) - 1e-9).astype(int)
@@ -149,6 +141,7 @@ def _table(some: Sequence[tuple[Sight, Points]]) -> dict[str, np.ndarray]:
 
 
 def _bins(table: dict[str, np.ndarray], key: str) -> np.ndarray:
+    """Return the bin (n,) of each reading in an input: its cell or part, or its range of `DISTANCES`."""
     if key != "distance":
         return table[key]
     return np.digitize(table["depth"], DISTANCES)
@@ -157,7 +150,8 @@ def _bins(table: dict[str, np.ndarray], key: str) -> np.ndarray:
 DISTANCES = np.array([0.1, 0.15, 0.2, 0.3, 0.5, 1.0])  # m
 
 
-def _distances(depth: np.ndarray) -> list[str]:
+def _distances() -> list[str]:
+    """Return the ranges of `DISTANCES` in words."""
     edges = ["0", *(f"{d:g}" for d in DISTANCES), "more"]
     return [f"{a} to {b} m" for a, b in zip(edges, edges[1:], strict=False)]
 
@@ -173,6 +167,7 @@ def _robust(normal: np.ndarray, away: np.ndarray, noise: float) -> np.ndarray:
 
 
 def _cell(index: int) -> str:
+    """Return in words where a cell of the image lies."""
     row, column = divmod(index, CELLS[0])
     across = ("left", "middle", "right")[min(column * 3 // CELLS[0], 2)]
     down = ("top", "middle", "bottom")[min(row * 3 // CELLS[1], 2)]

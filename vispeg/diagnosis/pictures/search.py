@@ -39,7 +39,7 @@ class PictureSearch(PlainSearch):
 
     @property
     def least_share(self) -> float:
-        """As `PlainSearch`."""
+        """Share as in `PlainSearch`."""
         return RULES.later_pictures
 
     def targets(self, kind: Effect) -> list[str]:
@@ -72,24 +72,24 @@ class PictureSearch(PlainSearch):
         return self.least
 
     def least_times(self, placed: EffectInstance, world: World, without: World) -> float:
-        """As `PlainSearch`: the multiple of the effect that changes the images just enough."""
+        """Return the multiple of the effect that changes the images just enough to be named."""
         changed = self.judged.change(world, without)
         return self.least_of(placed) / changed if changed > 0 else np.inf
 
     def step(self, state: State, n_fixed: int, places: Sequence[tuple[str, str]] | None = None) -> list[Trial]:
-        """As `PlainSearch`, but every place is fitted, as predicting images is fast."""
+        """Fit and judge as `PlainSearch` does, but every place, as predicting images is fast."""
         places = self.places(state.world) if places is None else list(places)
         return self.try_all(state, [Score(self._start(*at), 0.0) for at in places], n_fixed, len(places))
 
     def small(self, trial: Trial) -> str:
-        """As `PlainSearch`: a change of the images smaller than an error of appearance makes."""
+        """Return why an effect is too small, or "": it changes the images by less than an error of appearance does."""
         size, least = self.shift(trial.fit.world, trial.fit.world.effects[-1]), self.least_of(trial.score.placed)
         return (
             f"changes the pictures by {size:.2f} {self.evidence.changes_in}, under {least:.2f}" if size < least else ""
         )
 
     def idle(self, placed: EffectInstance, state: State, rest: State, n_fixed: int) -> bool:
-        """As `PlainSearch`: the effect changes the images too little, or is doubted."""
+        """Return whether an effect is to be removed: it changes the images too little, or is doubted."""
         little = self.shift(state.world, placed) < self.least_of(placed)
         return little or bool(self.doubt(placed, state.world, rest.world, n_fixed))
 
@@ -98,7 +98,7 @@ class PictureSearch(PlainSearch):
         return self.judged.change(world, world.without(placed.effect, placed.where))
 
     def _start(self, name: str, where: str) -> EffectInstance:
-        """As `PlainSearch`: the value found by the alignment, or a typical size."""
+        """Return the start of an effect's fit: the value found by the alignment, or a typical size."""
         for e in self.evidence.settled.effects:
             if (e.effect, e.where) == (name, where):
                 return EffectInstance.of(name, where, **{k: v.value for k, v in e.params.items()})

@@ -46,12 +46,15 @@ class SensorSearch(PictureSearch):
         return out
 
     def least_times(self, placed: EffectInstance, world: World, without: World) -> float:
-        """As `PictureSearch`, but at least the multiple at which a figure leaves its range, whatever its error now."""
+        """Return the multiple as `PictureSearch` does, but at least that at which a figure leaves its ordinary range.
+
+        It does so even if its present error is of the other sign.
+        """
         evidence = self.evidence
         assert isinstance(evidence, SensorEvidence)
         off, moves = evidence.off(without), evidence.moves(world, without)
-        odd = [(RULES.figure_odd + abs(off.get(k, 0.0))) / abs(v) for k, v in moves.items() if v]
-        return max(super().least_times(placed, world, without), min(odd, default=np.inf))
+        leaves = [(RULES.figure_odd + abs(off.get(k, 0.0))) / abs(v) for k, v in moves.items() if v]
+        return max(super().least_times(placed, world, without), min(leaves, default=np.inf))
 
     def excitations(self, world: World) -> list[Excitation]:
         """Return the change of the held-out frames due to each parameter of every effect at a typical size."""
@@ -178,10 +181,10 @@ def sensor_search(
     Returns:
         A result for each kind of pictures of which both have enough.
     """
-    cameras = list({s.camera.name: s.camera for some in sights for s in some}.values())
+    cameras = list({s.camera.name: s.camera for group in sights for s in group}.values())
     out = []
     with Predictor(scene, cameras, finer=FINER) as predictor:
-        shots = [shots_by(predictor, some, e, placed) for some, e in zip(sights, borders, strict=True)]
+        shots = [shots_by(predictor, group, e, placed) for group, e in zip(sights, borders, strict=True)]
         scene = predictor.scene
     for kind in KINDS:
         evidence, judged = (sensor_evidence(scene, s, kind, world) for s in shots)

@@ -37,11 +37,11 @@ def confirmed(search: PictureSearch, state: State, n_fixed: int) -> State:
 
 
 def of_form(fit: Fit, alike: np.ndarray) -> np.ndarray:
-    """(k,) standard errors of a fit's coordinates due to errors common to all frames.
+    """Return the standard errors (k,) of a fit's coordinates due to errors common to all frames.
 
     Args:
         fit: of k coordinates to n residuals.
-        alike: (n, c) residuals that one standard deviation of each such unknown makes.
+        alike: (n, c) residuals that one standard deviation of each of c such unknowns makes.
     """
     moved, *_ = np.linalg.lstsq(fit.jacobian, alike, rcond=1e-6)
     return np.sqrt(np.sum(moved**2, axis=1))
@@ -56,7 +56,7 @@ def taken_over(search: PictureSearch, state: State) -> np.ndarray:
     richer = [t for t in beside if t.gain.z > RULES.held_out and t.gain.relative > search.evidence.least_gain]
     if not richer or len(richer[0].fit.u) <= len(fit.u):
         return np.zeros(len(fit.u))
-    return np.abs(richer[0].fit.u[: len(fit.u)] - fit.u) / np.sqrt(3)
+    return np.abs(richer[0].fit.u[: len(fit.u)] - fit.u) / np.sqrt(3)  # RMS of a value anywhere between
 
 
 def widened(fit: Fit, other: Fit, blocks: int, of_form: np.ndarray | float = 0.0) -> Fit:
@@ -68,11 +68,11 @@ def widened(fit: Fit, other: Fit, blocks: int, of_form: np.ndarray | float = 0.0
         of_form: (k,) standard errors due to errors common to all recordings.
     """
     count, away = len(fit.u), np.abs(fit.u - other.u) / np.sqrt(2)
-    spare = max(2, blocks - count)
-    more = max(0.0, float(np.mean((away / np.maximum(fit.sigma, 1e-12)) ** 2)) - 1.0)
-    freedom = (1 + more) ** 2 / (1 / spare + more**2 / count)
+    own_freedom = max(2, blocks - count)
+    excess = max(0.0, float(np.mean((away / np.maximum(fit.sigma, 1e-12)) ** 2)) - 1.0)  # f - 1
+    freedom = (1 + excess) ** 2 / (1 / own_freedom + excess**2 / count)
     t = float(stats.t.ppf(0.975, freedom))
-    sigma = np.hypot(np.maximum(np.sqrt(1 + more) * fit.sigma, away), of_form)
+    sigma = np.hypot(np.maximum(np.sqrt(1 + excess) * fit.sigma, away), of_form)
     (low, high), placed = fit.space.bounds, list(fit.world.effects)
     for k, axis in enumerate(fit.space.axes):
         ends = np.clip([fit.u[k] - t * sigma[k], fit.u[k] + t * sigma[k]], low[k], high[k])

@@ -45,6 +45,7 @@ def refusal(search: Testing, state: State, t: Trial, level: float, absent: bool)
     same = [e for e in stays if same_kind(e, t.score.placed)]
     beside = max(same, key=state.removed_by, default=None)
     refines = t.gain.mean / state.removed_by(beside) if beside is not None else 1.0
+    # no error in a law of friction leaves a torque that depends on the angle alone
     of_angle = effect(t.score.placed.effect).conservative and not any(effect(e.effect).conservative for e in same)
     clear = RULES.clear_of_angle if of_angle else RULES.clear
     if beside is not None and refines < RULES.refinement and t.gain.relative < clear:
@@ -76,7 +77,7 @@ def in_order(judge: Judge, state: State, trials: list[Trial]) -> list[Trial]:
         best = (alone or passed)[0]
         alike = [t for t in passed if equal(judge, t.loss, best.loss, judge.mean(state.loss))]
         first = min(alike, key=lambda t: (doubtful(t), parameters(t.fit.world), float(t.loss.sum())))
-        # a single joint's error may equally be due to a link
+        # a likelier effect goes first, unless one explains nearly everything: a lone error may as well be a link's
         others = state.fit is not None or first.gain.mean < RULES.alone * (judge.mean(state.loss) - 1.0)
         instead = [t for t in alike if others and likelier(t, first) and doubtful(t) <= doubtful(first)]
         first = min(instead, key=lambda t: float(t.loss.sum()), default=first)

@@ -22,8 +22,8 @@ def bic_gain(evidence: Evidence, world: World, residual: np.ndarray, fit: Fit) -
     correlated it is, the fewer. Source: Schwarz, Annals of Statistics 6(2), 1978.
     """
     n = max(2.0, evidence.count / (2.0 * correlation_time(evidence, residual)))
-    more = parameters(fit.world) - parameters(world)
-    return float(n * np.log(np.mean(residual**2) / np.mean(fit.residual**2)) - more * np.log(n))
+    added = parameters(fit.world) - parameters(world)
+    return float(n * np.log(np.mean(residual**2) / np.mean(fit.residual**2)) - added * np.log(n))
 
 
 def correlation_time(evidence: Evidence, residual: np.ndarray) -> float:

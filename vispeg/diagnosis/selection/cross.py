@@ -51,14 +51,14 @@ class Cross:
         """
         if jacobian is None or jacobian.shape[1] == 0:
             return self.judge.loss(residual)
-        moved = residual.copy()
+        predicted = residual.copy()
         info = [jacobian[f].T @ jacobian[f] for f in self.folds]
         slope = [jacobian[f].T @ residual[f] for f in self.folds]
         all_info, all_slope = np.asarray(sum(info)), np.asarray(sum(slope))
         for k, fold in enumerate(self.folds):
             step = -np.linalg.solve(all_info - info[k] + _ridge(all_info), all_slope - slope[k])
-            moved[fold] = residual[fold] + jacobian[fold] @ step
-        return self.judge.loss(moved)
+            predicted[fold] = residual[fold] + jacobian[fold] @ step
+        return self.judge.loss(predicted)
 
     def loss_of(self, fit: Fit | None, residual: np.ndarray) -> np.ndarray:
         """Return the `loss` of a fit with this residual, or, if it is None, of a world without fitted effects."""

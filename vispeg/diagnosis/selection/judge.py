@@ -55,6 +55,7 @@ class Judge:
         return self._by_cell(np.minimum(residual**2, RULES.cap) * self.valid)
 
     def _by_cell(self, values: np.ndarray) -> np.ndarray:
+        """Return the sum (nblock, nj) of values (n,), one for each entry of the residual, by block and joint."""
         size = (int(self.blocks.max()) + 1) * self.nj
         return np.bincount(self.cells, weights=values, minlength=size).reshape(-1, self.nj)
 
@@ -79,14 +80,14 @@ class Judge:
 
         `crossed` are the cross-fitted losses of the two worlds on the fitted recordings; their blocks join the test.
         """
-        some = self.size.sum(axis=1) > 0
-        diff = (before - after)[some]
+        read = self.size.sum(axis=1) > 0
+        diff = (before - after)[read]
         mean = float(diff.sum() / self.size.sum())
-        stretch = np.unique(self.stretch[some], return_inverse=True)[1]
+        stretch = np.unique(self.stretch[read], return_inverse=True)[1]
         tested = np.bincount(stretch, weights=diff.sum(axis=1))
         if crossed is not None:
-            more = (crossed[0] - crossed[1]).sum(axis=1)
-            tested = np.concatenate([tested, more[more != 0]])
+            fitted = (crossed[0] - crossed[1]).sum(axis=1)
+            tested = np.concatenate([tested, fitted[fitted != 0]])
         tested = tested[self.evidence.tells(tested)]
         joints = diff.sum(axis=0) / np.maximum(before.sum(axis=0), 1e-12)
         return Gain(mean, _z(tested), mean / max(self.mean(before), 1e-12), joints)

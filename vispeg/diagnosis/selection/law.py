@@ -140,8 +140,8 @@ def _grown(search: Searching, state: State, simple: EffectInstance) -> list[Effe
 
 def _first(starts: list[EffectInstance]) -> list[EffectInstance]:
     """Return the first few starts of each kind of effect."""
-    kinds = [[s for s in starts if s.effect == name] for name in dict.fromkeys(s.effect for s in starts)]
-    return [s for some in kinds for s in some[: RULES.law_fitted]]
+    by_kind = [[s for s in starts if s.effect == name] for name in dict.fromkeys(s.effect for s in starts)]
+    return [s for of_kind in by_kind for s in of_kind[: RULES.law_fitted]]
 
 
 def grow(search: Searching, state: State, placed: EffectInstance, n_fixed: int) -> None:

@@ -56,10 +56,9 @@ class Loop(ABC):
         return (self.advance,) if self.worth_it(state, n_fixed) else ()
 
     def run(self, world: World, n_fixed: int | None = None) -> State:
-        """Add effects until none passes the test on the held-out recordings; those after the first `n_fixed` are
-        refitted.
+        """Return the state at which no further effect passes the test on the held-out recordings.
 
-        By default all of `world` stays as it is.
+        Effects of `world` after the first `n_fixed` are refitted; by default all of `world` stays as it is.
         """
         n_fixed = len(world.effects) if n_fixed is None else n_fixed
         state = self.start(world, n_fixed)

@@ -84,8 +84,8 @@ def all_common(search: Searching, state: State, missing: Sequence[MissingTorque]
 def _kinds(search: Searching, state: State, joint: str) -> Iterator[tuple[Effect, Effect]]:
     """Yield pairs of distant effects in different stages of a joint's drive, visible and not in the world there."""
     taken = {e.effect for e in state.world.effects if e.where in (joint, "all")}
-    far = [k for k in searchable().values() if k.distant and search.evidence.sees(k) and k.name not in taken]
-    for a, b in combinations(far, 2):
+    distant = [k for k in searchable().values() if k.distant and search.evidence.sees(k) and k.name not in taken]
+    for a, b in combinations(distant, 2):
         if _stages(a) and _stages(b) and not _stages(a) & _stages(b):
             yield a, b
 

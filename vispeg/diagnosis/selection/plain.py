@@ -59,9 +59,7 @@ class PlainSearch(Loop, Shown):
 
     @property
     def least_share(self) -> float:
-        """Share of the loss removed so far that a further effect must remove: errors of a law's form are not another
-        effect.
-        """
+        """Share of what an accepted effect typically removed (`State.scale`) that a later one must remove."""
         return RULES.later
 
     def targets(self, kind: Effect) -> list[str]:
@@ -72,8 +70,8 @@ class PlainSearch(Loop, Shown):
         """Return every effect that the evidence can show, at every place where the world does not have it yet."""
         have = {(e.effect, e.where) for e in world.effects}
         kinds = [(name, kind) for name, kind in sorted(REGISTRY.items()) if self.evidence.sees(kind)]
-        open_ = [(name, t) for name, kind in kinds if (name, "all") not in have for t in self.targets(kind)]
-        return [at for at in open_ if at not in have]
+        places = [(name, t) for name, kind in kinds if (name, "all") not in have for t in self.targets(kind)]
+        return [at for at in places if at not in have]
 
     def start(self, world: World, n_fixed: int | None = None) -> State:
         """Return the initial state of a search for what `world` lacks."""
@@ -97,10 +95,10 @@ class PlainSearch(Loop, Shown):
         state.take(trial.fit, trial.loss)
 
     def scored(self, state: State, places: Sequence[tuple[str, str]] | None = None) -> list[Score]:
-        """Score the effects of places, by default all, when added to a state, by the residual that secants over typical
-        sizes explain; best first.
+        """Score the effects of places, by default all, when added to a state; best first.
 
-        Nothing is fitted, so a score is only a prediction, for the part that the state's effects cannot imitate.
+        A score is the drop of the squared residual that secants over typical sizes predict, beyond what the state's
+        effects can do. Nothing is fitted.
         """
         places = self.places(state.world) if places is None else places
         asked = [(where, [*self._secants(*where).values()]) for where in places]
@@ -146,8 +144,7 @@ class PlainSearch(Loop, Shown):
         return len(self.places(state.world))
 
     def step(self, state: State, n_fixed: int, places: Sequence[tuple[str, str]] | None = None) -> list[Trial]:
-        """Fit the best of the places' effects in addition to the accepted ones and judge them; those that pass come
-        first.
+        """Fit the best of the places' effects beside the accepted ones and judge them; those that pass come first.
 
         Places where an effect cannot lower the fitted error, beyond rounding, do not share the level of the test.
         """
@@ -195,7 +192,9 @@ class PlainSearch(Loop, Shown):
             fresh.extend(run_together(jobs, chosen.residuals, length=chosen.length))
             return [[f.u.tolist(), f.converged] for f in fresh]
 
-        which = hashlib.sha256(chosen.residuals(worlds[:1])[0].tobytes()).hexdigest()  # halves and kinds share it
+        which = hashlib.sha256(
+            chosen.residuals(worlds[:1])[0].tobytes()
+        ).hexdigest()  # other evidence has the same worlds
         question = [self.asks, which, [model_text(w) for w in worlds], n_fixed, *map(list, sorted(chosen.held))]
         ends = self.progress.recall(question, work_out)
         again = [self.job(chosen, w, n_fixed, (u, bool(c))) for w, (u, c) in zip(worlds, ends, strict=True)]
@@ -214,9 +213,7 @@ class PlainSearch(Loop, Shown):
         return widened(state.world, range(n_fixed, len(state.world.effects)), wrong)
 
     def rivals(self, state: State, n_fixed: int) -> list[Rivals]:
-        """Return, for every accepted effect, those that the held-out recordings cannot distinguish from it, others
-        refitted.
-        """
+        """Return for every accepted effect those that held-out recordings cannot tell from it, all others refitted."""
         out = []
         for placed in state.world.effects[n_fixed:]:
             reduced = self._without(state, placed, n_fixed)
@@ -235,6 +232,7 @@ class PlainSearch(Loop, Shown):
         return out
 
     def _without(self, state: State, placed: EffectInstance, n_fixed: int) -> State:
+        """Return the state without an effect, the others refitted."""
         world, fit = state.world.without(placed.effect, placed.where), None
         if len(world.effects) > n_fixed:
             (fit,) = self.fits([world], n_fixed)

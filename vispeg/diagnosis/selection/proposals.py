@@ -43,7 +43,7 @@ class Proposals:
     def __init__(self, evidence: Evidence, judge: Judge, progress: Progress):
         self.evidence, self.judge, self.progress = evidence, judge, progress
         self.cross = Cross(Judge(evidence))
-        self._beside, self._taken = "", {}  # the last world as text, and signatures relative to it, by probe
+        self._world, self._taken = "", {}  # the last world as text, and signatures relative to it, by probe
         self._whole: dict[str, dict[str, Signature]] = {}  # world -> its signatures, where the whole library has them
         self._alone: dict[str, dict[tuple[str, str], Score | None]] = {}  # world -> scores of single places
 
@@ -133,14 +133,18 @@ class Proposals:
             places = candidates(self.evidence, state.world, list(self.evidence.items[0].robot.joints))
             asked = probes(places, self.evidence.items[0], joint_data(self.missing(state.world), self.evidence.items))
             fitted = self._ground(self.cross.judge, state.world, fit, asked)
-            self._whole = {self._beside: self._taken}
-            asked = [asked[c - len(fitted.dictionary.fitted)] for c in doubted(fitted)]  # held-out rollouts are costly
+            self._whole = {self._world: self._taken}
+            # held-out rollouts are costly; the entries of candidates come after those of the fit
+            asked = [asked[c - len(fitted.dictionary.fitted)] for c in doubted(fitted)]
             fitted = self._ground(self.cross.judge, state.world, fit, asked)
             results = exchanges(fitted, self._ground(self.judge, state.world, on_held_out(self.judge, fit), asked))
             return [[e.label, e.costs, list(e.shaken), [_plain(r) for r in e.rivals]] for e in results]
 
         rows = self.progress.recall(["exchanges", model_text(state.world)], work_out)
-        return [Exchange(a, b, tuple(c), tuple(EffectInstance.of(n, w, **v) for n, w, v in d)) for a, b, c, d in rows]
+        return [
+            Exchange(label, costs, tuple(shaken), tuple(EffectInstance.of(n, w, **values) for n, w, values in rivals))
+            for label, costs, shaken, rivals in rows
+        ]
 
     def _ground(self, judge: Judge, world: World, fit: Fit, asked: Sequence[Probe]) -> Ground:
         """Return the linear model and the excess of a fit on a judge's evidence, with the candidates `asked`.
@@ -197,11 +201,12 @@ class Proposals:
 
     def _turn_to(self, world: World) -> None:
         """Drop the signatures of other worlds, except those of the last `exchanges`."""
-        beside = model_text(world)
-        if beside != self._beside:
-            self._beside, self._taken = beside, self._whole.get(beside, {})
+        text = model_text(world)
+        if text != self._world:
+            self._world, self._taken = text, self._whole.get(text, {})
 
     def _straight(self, world: World) -> list[tuple[str, str]]:
+        """Return (effect, place) of every linear effect (`Effect.straight`) that a world lacks."""
         everywhere = candidates(self.evidence, world, list(self.evidence.items[0].robot.joints))
         return [(name, where) for name, where in everywhere if effect(name).straight]
 

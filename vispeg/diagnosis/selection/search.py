@@ -156,7 +156,7 @@ class Search(Loop, Shown, Proposals):
            of 2 count as tested too.
         """
         missing = self.missing(state.world)
-        near, rest, common = self.places(state, missing)
+        near, others, common = self.places(state, missing)
         state.screening = []
         proposed = self._try_proposed(state, n_fixed, len(near)) if state.fit is None else []
         if passes(proposed):
@@ -174,8 +174,8 @@ class Search(Loop, Shown, Proposals):
         ):
             trials += self.try_places(state, n_fixed, [], missing, len(near), later, not several)
             trials = in_order(self.judge, state, trials)
-        if rest and all(t.rejected for t in trials):
-            trials = self.try_places(state, n_fixed, rest, missing, len(near) + len(rest)) + trials
+        if others and all(t.rejected for t in trials):
+            trials = self.try_places(state, n_fixed, others, missing, len(near) + len(others)) + trials
         return trials
 
     def _try_proposed(self, state: State, n_fixed: int, tested: int) -> list[Trial]:
@@ -198,8 +198,8 @@ class Search(Loop, Shown, Proposals):
 
     def tested(self, state: State) -> int:
         """Return the number of places that share the level of the test of one addition to a state."""
-        near, rest, _ = self.places(state, self.missing(state.world))
-        return len(near) + len(rest)
+        near, others, _ = self.places(state, self.missing(state.world))
+        return len(near) + len(others)
 
     def places(
         self, state: State, missing: Sequence[MissingTorque]
@@ -212,8 +212,8 @@ class Search(Loop, Shown, Proposals):
         first = suspects(missing, joints) if self.evidence.unit == "rad" else joints
         near = candidates(self.evidence, state.world, first)
         common = self._common_groups(state) if len(first) > 1 else []
-        rest = [p for p in candidates(self.evidence, state.world, joints) if p not in near]
-        return near, rest, common
+        others = [p for p in candidates(self.evidence, state.world, joints) if p not in near]
+        return near, others, common
 
     def _common_groups(self, state: State) -> list[list[tuple[str, str]]]:
         """Return the groups of effects that every arm has in every joint, without kinds that a step added as one."""
@@ -242,8 +242,8 @@ class Search(Loop, Shown, Proposals):
             tested: number of places that share the level of the test.
         """
         scores = self.screened(state.world, state.residual, state.fit, places, missing, groups, several)
-        most = max((s.gain for s in scores if not s.beside), default=0.0)
-        scores = [s for s in scores if not s.beside or most < RULES.group * s.gain]
+        best_alone = max((s.gain for s in scores if not s.beside), default=0.0)
+        scores = [s for s in scores if not s.beside or best_alone < RULES.group * s.gain]
         state.screening += scores
         need = self.least_drop(state)
         if not scores or scores[0].gain / self.evidence.count < RULES.promise * need:
@@ -328,12 +328,12 @@ class Search(Loop, Shown, Proposals):
         The end points are stored in the progress; a resumed diagnosis only evaluates the fits there.
         """
         fresh: list[Fit] = []
-        held = [None] * len(worlds) if columns is None else list(columns)
+        constant = [None] * len(worlds) if columns is None else list(columns)
         raced = [None] * len(worlds) if races is None else list(races)
 
         def job(k: int, ended: tuple[Sequence[float], bool] | None = None):
             free = range(n_fixed, len(worlds[k].effects))
-            options = {"race": raced[k], "iterations": iterations, "ended": ended, "columns": held[k]}
+            options = {"race": raced[k], "iterations": iterations, "ended": ended, "columns": constant[k]}
             return fit_job(self.evidence, worlds[k], free, **options)
 
         def turn() -> None:
@@ -346,8 +346,8 @@ class Search(Loop, Shown, Proposals):
             fresh.extend(run_together(jobs, self.evidence.residuals, turn=turn, length=self.evidence.length))
             return [[f.u.tolist(), f.converged] for f in fresh]
 
-        quick = [None if c is None else c.shape[1] for c in held]
-        question = ["fits", [model_text(w) for w in worlds], n_fixed, races is not None, iterations, quick]
+        widths = [None if c is None else c.shape[1] for c in constant]
+        question = ["fits", [model_text(w) for w in worlds], n_fixed, races is not None, iterations, widths]
         ends = self.progress.recall(question, work_out)
         if fresh:
             return fresh

@@ -75,9 +75,8 @@ def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: fl
         signature = dictionary.entries[k].signature
         if signature is None or signature.possible(coefficients[-len(dictionary.entries[k].columns) :].tolist()):
             candidates.append((error - dictionary.crossed([*fixed, *chosen, k]), k))
-    candidates = [
-        f for f in candidates if f[0] >= _least(dictionary, f[1]) * error
-    ]  # an improvement in its own fold may harm the others
+    # a gain in sample may be a loss in the fold left out
+    candidates = [f for f in candidates if f[0] >= _least(dictionary, f[1]) * error]
     if not candidates:
         return None
     top = max(candidates)[0]
