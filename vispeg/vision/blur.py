@@ -12,13 +12,13 @@ from vispeg.vision.borders import Borders
 from vispeg.vision.search import STEP, Displacements, profiles, steps_along
 
 NARROW, WIDE = 0.8, 2.4  # px, sigma of the searches
-CONTRAST = 25.0  # grey levels that an edge goes over, for its shape to be told
+CONTRAST = 25.0  # grey levels, least step of an edge whose blur is measured
 
 
 def softness(picture: np.ndarray, borders: Borders, displacements: Displacements) -> np.ndarray:
-    """(n,) px, sigma of the Gaussian that each border is blurred by; NaN where it is weak, or was not found.
+    """Return the sigma (n,) px of the Gaussian that blurs each border; NaN where it is weak, or was not found.
 
-    A picture that is not blurred at all has 0.3 px: its pixels are as wide.
+    A picture without blur has 0.3 px, as each pixel is a mean over its own width.
     """
     good = np.flatnonzero(
         (displacements.strength > CONTRAST) & np.isfinite(displacements.along) & (borders.free.min(axis=1) > 3 * WIDE)
@@ -26,13 +26,13 @@ def softness(picture: np.ndarray, borders: Borders, displacements: Displacements
     out = np.full(len(borders), np.nan)
     if not len(good):
         return out
-    some, at = borders.some(good), displacements.along[good]
+    clear, at = borders.some(good), displacements.along[good]
     answers = []
     for sigma in (NARROW, WIDE):
         reach = round(1.0 / STEP)
         half = int(np.ceil(3 * sigma / STEP))
         s = np.arange(-reach - half, reach + half + 1) * STEP
-        answers.append(steps_along(profiles(picture, some, s, at), sigma).max(axis=1))
+        answers.append(steps_along(profiles(picture, clear, s, at), sigma).max(axis=1))
     ratio = np.clip((answers[0] / np.maximum(answers[1], 1e-9)) ** 2, 1e-6, None)
     square = WIDE**2 * NARROW**2 * (1 - ratio) / np.maximum(WIDE**2 * ratio - NARROW**2, 1e-6)
     out[good] = np.sqrt(np.clip(square, 0.0, 100.0))

@@ -1,7 +1,7 @@
 """A board in the cell: its corners in each frame, and where it lies by all frames together.
 
-Nobody knows to a tenth of a millimetre where a board was put down, so its pose is no datum: it is taken from the
-pictures, once for a recording. What is left of its corners is one more reading beside the borders of parts.
+Nobody knows to a tenth of a millimetre where a board was put down, so its pose is estimated from the pictures, once for
+a recording. The corners' remaining misplacements are readings, as those of the borders of parts are.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from vispeg.render.calibration.detect import View, find
 from vispeg.vision.eye import Eye
 from vispeg.vision.geometry import Geometry
 
-SOFT = 1.0  # px beyond which a corner counts less and less where the board is laid down
+SOFT = 1.0  # px, misplacement from which a corner loses weight in the estimate of the pose
 LEAST = 4  # corners of a view that fix a pose
 
 
@@ -34,7 +34,7 @@ class Look:
     view: View
 
     def project(self, eye: Eye, points: np.ndarray) -> np.ndarray:
-        """(n, 2) px of points (n, 3) m in the base frame."""
+        """Return the pixels (n, 2) of points (n, 3) m in the base frame."""
         return eye.project((points - self.pos) @ self.turn)
 
 
@@ -43,7 +43,7 @@ class Corners:
     """A board's corners in one frame, (n, ...).
 
     Attributes:
-        pixel: (n, 2) px where the model has them, the board laid down by all frames of the recording.
+        pixel: (n, 2) px, predicted, with the board at its pose by all frames of the recording.
         away: (n, 2) px, measured minus predicted.
         depth: (n,) m.
     """
@@ -54,9 +54,7 @@ class Corners:
 
 
 def corners_in(geometry: Geometry, camera: str, board: Board, looks: Mapping[int, Look]) -> dict[int, Corners]:
-    """Return the residuals of board corners in each frame of a camera, in the geometry's world; empty if none shows
-    them.
-    """
+    """Return by frame the board corners that a camera sees, in the geometry's world; empty if no frame shows enough."""
     eye = geometry.eyes[camera]
     places = laid(eye, board, list(looks.values()))
     out = {}
@@ -110,7 +108,10 @@ def look_at(geometry: Geometry, camera: str, q: np.ndarray, view: View) -> Look:
 
 
 def laid(eye: Eye, board: Board, looks: Sequence[Look]) -> np.ndarray | None:
-    """(n, 3) m: the board's corners in the base frame where these looks see them best; None where none sees enough."""
+    """Return the board's corners (n, 3) m in the base frame, at the pose that fits these views best.
+
+    None if no view has `LEAST` corners.
+    """
     enough = [look for look in looks if len(look.view.ids) >= LEAST]
     if not enough:
         return None
@@ -119,16 +120,16 @@ def laid(eye: Eye, board: Board, looks: Sequence[Look]) -> np.ndarray | None:
     def points(x: np.ndarray) -> np.ndarray:
         return board.points @ (Rotation.from_rotvec(x[:3]).as_matrix() @ start[:3, :3]).T + start[:3, 3] + x[3:]
 
-    def off(x: np.ndarray) -> np.ndarray:
+    def misplaced(x: np.ndarray) -> np.ndarray:
         there = points(x)
         parts = [look.project(eye, there[look.view.ids]) - look.view.pixels for look in enough]
         return np.nan_to_num(np.concatenate(parts).ravel(), nan=1e3)
 
-    return points(least_squares(off, np.zeros(6), loss="cauchy", f_scale=SOFT, x_scale=[0.1] * 6).x)
+    return points(least_squares(misplaced, np.zeros(6), loss="cauchy", f_scale=SOFT, x_scale=[0.1] * 6).x)
 
 
 def pose_of_board(eye: Eye, board: Board, look: Look) -> np.ndarray:
-    """(4, 4) board to base, by one look with `LEAST` corners or more."""
+    """Return the board's pose (4, 4), board to base, by one view with `LEAST` corners or more."""
     import cv2
 
     flat = np.ascontiguousarray(eye.ideal(look.view.pixels))

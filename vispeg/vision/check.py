@@ -1,4 +1,4 @@
-"""Looks a recording's frames over before anybody fits to them: clock, light, sharpness, depth, views."""
+"""Check a recording's frames before anything is fitted to them: clock, light, sharpness, depth, views."""
 
 from __future__ import annotations
 
@@ -22,31 +22,32 @@ from vispeg.vision.search import search
 from vispeg.worlds.world import World
 
 CELLS = (8, 6)  # of an image, for its coverage
-FEW = 3  # borders that a cell needs
+FEW = 3  # border points that a cell needs to be covered
 LOST = 1.5  # median periods without a frame from which one was lost
 MOST = 60  # frames of a camera that are drawn: coverage needs no more
-DARK, BRIGHT = 2, 253  # grey levels
-SLOPE = 5e-3  # s, over which speeds are taken
+DARK, BRIGHT = 2, 253  # grey levels, up to and from which a pixel is black or saturated
+SLOPE = 5e-3  # s before and after a frame, between which speeds are measured
 
 
 @dataclass(frozen=True)
 class CameraCheck:
-    """What the frames of one camera are like; None where that cannot be told.
+    """Figures of the frames of one camera; None if unknown.
 
     Attributes:
         camera, frames: its name, how many.
         mount: what carries it, `base` or `flange`; None where that is not stated.
         rate_hz: frames a second, from the median period.
-        lost: frames that the gaps between stamps lack; repeated: that are the one before, pixel by pixel.
-        jitter_s: spread of the periods, 1.48 times the median size of what is off the median.
+        lost, repeated: number of frames missing between time stamps, and of frames equal to the one before.
+        jitter_s: robust standard deviation of the periods.
         dark, saturated: share of the pixels at the ends of the range.
-        brightness, drift: median grey level, and how far that of single frames strays (largest less least).
-        softness: px, what borders are blurred by (median).
-        fill_rate: % of the pixels with depth; near, far: m, 5 and 95 % of the readings.
-        coverage: share of the image's cells that some border came by.
-        distance: m, least and greatest of the borders that the hand does not carry; their ratio tells scale from bias.
+        brightness, drift: median over the frames of their median grey levels, and the range of these.
+        softness: px, median blur of the borders.
+        fill_rate: % of the pixels with depth.
+        near, far: m, 5 and 95 % quantiles of the depth readings.
+        coverage: share of the image's cells with enough border points.
+        distance: m, 5 and 95 % quantiles for borders that the hand does not carry; their ratio tells scale from bias.
         tilt, roll: degrees between the two most different views, of the optical axis and about it.
-        speed: m/s and rad/s, the greatest of the camera against the cell.
+        speed: m/s and rad/s, the greatest of the camera relative to the cell.
         precision: how well each number of the camera's errors would be known.
     """
 
@@ -73,7 +74,7 @@ class CameraCheck:
     precision: tuple[Precision, ...] = ()
 
     def to_json(self) -> Mapping[str, object]:
-        """Plain data."""
+        """Return the figures as plain data."""
         return asdict(self)
 
 
@@ -84,7 +85,7 @@ def check_frames(
 
     Args:
         rec: with frames.
-        scene: the cell with the recording's cameras, or None where nothing is stated of it: no views then.
+        scene: the cell with the recording's cameras; None if it is not stated, and then views are not checked.
         progress: called with the share that is done.
 
     Raises:
@@ -106,10 +107,12 @@ def check_frames(
 
 
 def _thinned(frames: Frames) -> Frames:
+    """Return at most `MOST` of the frames, evenly spaced."""
     return frames.some(np.unique(np.linspace(0, len(frames) - 1, min(MOST, len(frames))).astype(int)))
 
 
 def _clock(frames: Frames) -> Mapping[str, Any]:
+    """Return the figures of the time stamps, and the number of repeated frames."""
     times, episodes = frames.times, frames.episodes
     steps = np.diff(times)[np.diff(episodes) == 0]
     period = float(np.median(steps)) if len(steps) else 0.0
@@ -124,6 +127,7 @@ def _clock(frames: Frames) -> Mapping[str, Any]:
 
 
 def _light(frames: Frames) -> Mapping[str, Any]:
+    """Return the figures of grey levels; empty without colour."""
     pictures = [rgb for frame in frames if (rgb := frame.rgb) is not None]
     if not pictures:
         return {}
@@ -137,17 +141,18 @@ def _light(frames: Frames) -> Mapping[str, Any]:
 
 
 def _depth(frames: Frames) -> Mapping[str, Any]:
+    """Return the figures of depth; empty without depth."""
     depths = [depth for frame in frames if (depth := frame.depth) is not None]
     if not depths:
         return {}
-    readings = np.concatenate([depth[depth > 0][::11] for depth in depths])
+    readings = np.concatenate([depth[depth > 0][::11] for depth in depths])  # every 11th is enough
     fill = 100.0 * float(np.mean([np.mean(depth > 0) for depth in depths]))
     low, high = np.quantile(readings, [0.05, 0.95]).tolist() if len(readings) else (None, None)
     return {"fill_rate": fill, "near": low, "far": high}
 
 
 def _views(rec: Recording, frames: Frames, scene: Scene) -> Mapping[str, Any]:
-    """Return what the views of one camera are like, from the borders that the nominal cell has in them."""
+    """Return the figures of the views of one camera, from the borders that the nominal cell has in them."""
     name, camera = frames[0].camera.name, camera_of(frames[0].camera)
     q = joints_at(rec, frames.times, frames.episodes)
     around = [joints_at(rec, frames.times + k * SLOPE, frames.episodes) for k in (-1, 1)]
@@ -166,13 +171,13 @@ def _views(rec: Recording, frames: Frames, scene: Scene) -> Mapping[str, Any]:
         speed = _speed(predictor, name, views)
     parts = list(scene.parts)
     carried = [1 + parts.index(part) for part in ("gripper", scene.held) if part in parts]
-    far = np.concatenate([v.borders.depth[~np.isin(v.borders.parts[:, 0], carried)] for v in views])
+    depth = np.concatenate([v.borders.depth[~np.isin(v.borders.parts[:, 0], carried)] for v in views])
     sharp = np.concatenate(soft)
     tilt, roll = _spread(poses)
     return {
         "softness": float(np.nanmedian(sharp)) if np.isfinite(sharp).any() else None,
         "coverage": _coverage(views, camera.width, camera.height),
-        "distance": (float(np.quantile(far, 0.05)), float(np.quantile(far, 0.95))) if len(far) else None,
+        "distance": (float(np.quantile(depth, 0.05)), float(np.quantile(depth, 0.95))) if len(depth) else None,
         "tilt": tilt,
         "roll": roll,
         "speed": speed,
@@ -181,18 +186,20 @@ def _views(rec: Recording, frames: Frames, scene: Scene) -> Mapping[str, Any]:
 
 
 def _soft(frame: RecordedFrame, borders: Borders) -> np.ndarray:
+    """Return the blur (n,) px of the borders in a frame; one NaN without colour."""
     rgb = frame.rgb
     return np.full(1, np.nan) if rgb is None else softness(rgb, borders, search(rgb, borders))
 
 
 def _coverage(views: Sequence[View], width: int, height: int) -> float:
+    """Return the share of the image's cells with `FEW` border points or more in all views together."""
     pixel = np.concatenate([view.borders.pixel for view in views])
     count = np.histogram2d(*pixel.T, bins=CELLS, range=[[-0.5, width - 0.5], [-0.5, height - 0.5]])[0]
     return float(np.mean(count >= FEW))
 
 
 def _spread(poses: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, float]:
-    """Degrees: the widest angle between two optical axes, and the range of turns about them against the mean view."""
+    """Return the widest angle between two optical axes, and the range of turns about the mean view's axis, degrees."""
     axes = np.stack([turn for _, turn in poses])
     forward = axes[:, :, 2]
     tilt = float(np.degrees(np.arccos(np.clip(forward @ forward.T, -1, 1)).max()))
@@ -203,6 +210,7 @@ def _spread(poses: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, floa
 
 
 def _speed(predictor: Predictor, name: str, views: Sequence[View]) -> tuple[float, float]:
+    """Return the greatest speed of a camera in the views, m/s and rad/s."""
     linear, angular = [], []
     geometry = predictor.geometry
     for view in views:
@@ -218,7 +226,7 @@ def _speed(predictor: Predictor, name: str, views: Sequence[View]) -> tuple[floa
 
 
 def warnings_of(check: CameraCheck) -> list[str]:
-    """Sentences on what would mislead a comparison, and on what these frames cannot tell."""
+    """Return sentences on what would mislead a comparison, and on what these frames cannot tell."""
     name, out = check.camera, []
     if check.lost:
         out.append(f"{name}: {check.lost} frames were lost between stamps")
@@ -240,16 +248,16 @@ def warnings_of(check: CameraCheck) -> list[str]:
         out.append(f"{name}: borders come by {check.coverage:.0%} of the image: nothing is told of the lens elsewhere")
     if check.distance is not None and check.near is not None and check.distance[1] < 1.5 * check.distance[0]:
         out.append(f"{name}: distances differ by less than 1.5 times: scale and bias of depth look the same")
-    dark = [t for t in check.precision if not t.determined]
-    if dark:
-        said = ", ".join(f"{t.effect}.{t.parameter} ({t.sigma:.2g} {t.unit})" for t in dark)
-        out.append(f"{name}: cannot tell {said}: {_advice(dark, check.mount)}")
+    unknown = [t for t in check.precision if not t.determined]
+    if unknown:
+        said = ", ".join(f"{t.effect}.{t.parameter} ({t.sigma:.2g} {t.unit})" for t in unknown)
+        out.append(f"{name}: cannot tell {said}: {_advice(unknown, check.mount)}")
     return out
 
 
-def _advice(dark: Sequence[Precision], mount: str | None) -> str:
-    """Return the motion that would tell what is dark."""
-    names = {t.effect for t in dark}
+def _advice(unknown: Sequence[Precision], mount: str | None) -> str:
+    """Return the motion that would determine the unknown parameters of a camera on `mount`."""
+    names = {t.effect for t in unknown}
     if mount == "base":
         return "bring the hand near it and to the image's edges, or hold a board before it (vispeg camera calibrate)"
     advice = []

@@ -1,4 +1,4 @@
-"""A model's pictures against a recording's, frame by frame: borders in px, depth in mm, light in grey levels."""
+"""Compare a model's pictures with a recording's, frame by frame: borders in px, depth in mm, light in grey levels."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from vispeg.vision.search import Displacements, search
 from vispeg.vision.shutter import DRAWN, Path, Shutter, exposed_borders
 from vispeg.worlds.world import World
 
-WINDOW = 8.0  # px
-FLAT = "table"
+WINDOW = 8.0  # px to either side of a border, in which its edge is searched
+FLAT = "table"  # the flat part of a cell, to which a plane is fitted
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ class Compared:
         return _rms(None if self.light is None else self.light.error)
 
     def row(self) -> dict[str, object]:
-        """For a record."""
+        """Return the frame's entry of a record."""
         quality = self.quality
         return {
             "recording": self.recording,
@@ -116,7 +116,7 @@ def compare_frames(
     backend: BackendName = "auto",
     progress: Callable[[float], None] = lambda share: None,
 ) -> list[Compared]:
-    """Predicts each frame of a recording at its measured joint angles.
+    """Compare each frame of a recording with its prediction at the measured joint angles.
 
     Frames at whose time the joints are not known (a gap in the log, a window that was not chosen) are left out.
 
@@ -151,7 +151,7 @@ def compare_frames(
 
 
 def _corners(rec: Recording, predictor: Predictor, shutters: Mapping[str, Shutter]) -> dict[int, Corners]:
-    """By frame, how far the corners of the cell's board are off, the board laid down by all frames of a camera."""
+    """Return by frame the corners of the cell's board, its pose estimated from all frames of a camera."""
     board, out = board_of(rec.cell, rec.path / "recording.yaml"), {}
     if board is None or rec.frames is None:
         return out
@@ -172,7 +172,7 @@ def _path(rec: Recording, episode: int) -> Path:
 
 
 def compare_one(recording: str, frame: RecordedFrame, predictor: Predictor, shutter: Shutter, path: Path) -> Compared:
-    """One frame against what a predictor draws along measured joint angles, in its present world.
+    """Compare one frame with what a predictor draws along measured joint angles, in its present world.
 
     Args:
         recording: name.
@@ -199,9 +199,7 @@ def compare_one(recording: str, frame: RecordedFrame, predictor: Predictor, shut
 
 
 def _delivered(world: World, rendering: Rendering) -> Rendering:
-    """Return the picture after what the world's sensor does to it alike in every frame: no noise, nothing that is
-    lost.
-    """
+    """Return the picture after the sensor effects of a world that are the same in every frame, so without noise."""
 
     def steady(kind: Effect) -> bool:
         return isinstance(kind, CameraEffect) and kind.name not in DRAWN and not kind.random
@@ -214,7 +212,7 @@ def _delivered(world: World, rendering: Rendering) -> Rendering:
 
 
 def summary(compared: Sequence[Compared]) -> list[dict[str, object]]:
-    """Figures of each camera over all its frames; None where there is nothing to tell them from."""
+    """Return the figures of each camera over all its frames; None where nothing was measured."""
     out = []
     for name in dict.fromkeys(c.frame.camera.name for c in compared):
         mine = [c for c in compared if c.frame.camera.name == name]
@@ -244,7 +242,7 @@ def summary(compared: Sequence[Compared]) -> list[dict[str, object]]:
 
 
 def border_rms(compared: Sequence[Compared]) -> float | None:
-    """RMS displacement of the borders in all frames, px."""
+    """Return the RMS displacement of the borders in all frames, px."""
     return _pooled([c.displacements.along for c in compared if c.displacements is not None])
 
 
@@ -252,15 +250,18 @@ QUALITY = ("fill_rate", "z_accuracy", "plane_fit_rms", "plane_fit_rms_mm", "subp
 
 
 def _pooled(parts: Sequence[np.ndarray]) -> float | None:
+    """Return the RMS over all parts; None without any."""
     return _rms(np.concatenate(parts)) if parts else None
 
 
 def _median(parts: Sequence[np.ndarray], size: bool = False) -> float | None:
+    """Return the median over all parts, of absolute values if `size`; None without any."""
     values = np.concatenate(parts) if parts else np.zeros(0)
     values = values[np.isfinite(values)]
     return float(np.median(np.abs(values) if size else values)) if len(values) else None
 
 
 def _middle(values: Sequence[float | None]) -> float | None:
+    """Return the median of the values that are not None."""
     present = [v for v in values if v is not None]
     return float(np.median(present)) if present else None

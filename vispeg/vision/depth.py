@@ -100,10 +100,10 @@ def depth_quality(
         return DepthQuality(fill, None, None, None, None, None)
     accuracy = 100.0 * float(np.median(residual.error[both] / rendering.depth[both]))
     plane = both & (rendering.parts == flat) if flat is not None else np.zeros_like(both)
-    rest: tuple[float | None, ...] = (None, None, None)
+    off_plane: tuple[float | None, ...] = (None, None, None)
     if plane.sum() >= PLANE:
-        rest = _plane(measured[plane].astype(float), rendering.eye.rays()[plane], rendering.eye.believed.fx)
-    return DepthQuality(fill, accuracy, *rest, float(np.median(rendering.depth[both])))
+        off_plane = _plane(measured[plane].astype(float), rendering.eye.rays()[plane], rendering.eye.believed.fx)
+    return DepthQuality(fill, accuracy, *off_plane, float(np.median(rendering.depth[both])))
 
 
 def _plane(z: np.ndarray, rays: np.ndarray, focal: float) -> tuple[float, float, float]:

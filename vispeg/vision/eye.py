@@ -36,7 +36,7 @@ class Eye:
     delay: float = 0.0
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Pixels (..., 2) of points (..., 3) in camera axes, m; NaN behind the camera."""
+        """Return the pixels (..., 2) of points (..., 3) in camera axes, m; NaN behind the camera."""
         pixels = self.camera.project(points)
         if not any(self.lens):
             return pixels
@@ -113,8 +113,8 @@ def posed(frames: Frames, robot: RobotModel) -> Frames:
     cameras = dict(frames.cameras)
     for name, camera in known.items():
         cameras[name] = replace(cameras[name], mount=camera.mount, pose=camera.pose)
-    some = tuple(replace(frame, camera=cameras[frame.camera.name]) for frame in frames.frames)
-    return replace(frames, cameras=cameras, frames=some)
+    placed = tuple(replace(frame, camera=cameras[frame.camera.name]) for frame in frames.frames)
+    return replace(frames, cameras=cameras, frames=placed)
 
 
 def recorded_of(camera: Camera, depth_unit: float = 1e-4) -> RecordedCamera:
@@ -129,13 +129,13 @@ def recorded_of(camera: Camera, depth_unit: float = 1e-4) -> RecordedCamera:
 
 
 def values_of(world: World, effect: str, camera: str) -> dict[str, float]:
-    """Parameters of an effect at a camera; empty where the world is without it. The later of several wins."""
+    """Return the parameters of an effect at a camera; empty if the world lacks it. The last of several counts."""
     placed = [e for e in world.effects if e.effect == effect and acts_on(e.where, [camera])]
     return _numbers(placed[-1]) if placed else {}
 
 
 def lens_of(world: World, camera: str) -> tuple[float, ...]:
-    """(k1, k2, p1, p2, k3) of the effect `lens_distortion` at a camera."""
+    """Return (k1, k2, p1, p2, k3) of the effect `lens_distortion` at a camera."""
     p = values_of(world, "lens_distortion", camera)
     return tuple(p.get(k, 0.0) for k in ("k1", "k2", "p1", "p2", "k3"))
 

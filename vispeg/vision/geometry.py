@@ -109,7 +109,7 @@ class Geometry:
         return int(self.model.site_bodyid[i]) if kind == "site" else i
 
     def project(self, camera: str, body: np.ndarray, local: np.ndarray) -> np.ndarray:
-        """Pixels (n, 2) of points (n, 3) m, each in the axes of its body (n,) id; NaN behind the camera."""
+        """Return the pixels (n, 2) of points (n, 3) m, each in the axes of its body (n,) id; NaN behind the camera."""
         turn = self.data.xmat.reshape(-1, 3, 3)[body]
         points = self.data.xpos[body] + np.einsum("nij,nj->ni", turn, local)
         pos, rot = self.pose(camera)
@@ -125,7 +125,7 @@ class Geometry:
         return depth, geom, self.table[geom]
 
     def local(self, camera: str, pixels: np.ndarray, depth: np.ndarray, geom: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Body (n,) and point in its axes (n, 3) m of what pixels show at a planar depth on a geom."""
+        """Return body (n,) and point in its axes (n, 3) m of what pixels show at a planar depth on a geom."""
         pos, rot = self.pose(camera)
         ideal = self.eyes[camera].ideal(np.asarray(pixels, float))
         points = pos + (np.concatenate([ideal, np.ones((len(ideal), 1))], 1) * depth[:, None]) @ rot.T

@@ -26,14 +26,12 @@ class LightResidual:
             saturated.
         gain: (3,) measured over predicted linear light, red, green, blue.
         offset: (3,) linear light.
-        matched: (H, W, 3) uint8, the prediction with gain and offset.
         inlier: share of the pixels, of all three colours, that are no outliers of the fit.
     """
 
     error: np.ndarray
     gain: np.ndarray
     offset: np.ndarray
-    matched: np.ndarray
     inlier: float
 
 
@@ -48,7 +46,7 @@ def light_residual(measured: np.ndarray, rendering: Rendering) -> LightResidual:
         n_used += n
     matched = encoded(predicted * gain.astype(np.float32) + offset.astype(np.float32))
     error = np.where(good, measured.astype(np.float32) - matched, np.nan)
-    return LightResidual(error, gain, offset, matched, n_used / max(int(good.sum()), 1))
+    return LightResidual(error, gain, offset, n_used / max(int(good.sum()), 1))
 
 
 def _affine(x: np.ndarray, y: np.ndarray) -> tuple[float, float, int]:

@@ -1,4 +1,4 @@
-"""What a model says that a camera sees at measured joint angles: colour, depth, and which part each pixel shows."""
+"""Predict what a camera sees at measured joint angles: colour, depth, and which part each pixel shows."""
 
 from __future__ import annotations
 
@@ -48,19 +48,19 @@ class Rendering:
 
 
 class Predictor:
-    """Draws a cell as its cameras see it in a world that may change from one call to the next. Close it after use.
+    """A renderer of a cell as its cameras see it in a world, which `see` changes. Close it after use.
 
     Args:
         scene: the cell.
         cameras: as calibrated, at the base or the flange.
         backend, shadows: of the renderer.
-        finer: rays a pixel in each direction, an odd number: colour is the mean of their light, depth and part are
+        finer: rays per pixel in each direction, an odd number: colour is the mean of their light, depth and part are
             those of the ray through the centre.
         beside: adds to a picture what the cell's model does not have.
 
     Attributes:
         geometry: where everything stands; `draw` moves it.
-        world: the one it is in, with the effects that the cell states.
+        world: the present one, with the effects that the cell states.
     """
 
     def __init__(
@@ -88,18 +88,18 @@ class Predictor:
         return self._renderer.backend
 
     def see(self, world: World) -> None:
-        """Predicts for this world from now on: its looks, cameras, lenses, and where fixture and held part stand."""
+        """Set the world to predict: its looks, cameras, lenses, and where fixture and held part stand."""
         self.geometry.place(world)
         self.world = world = self.geometry.world
         looks = world.only(lambda e: effect(e.effect).family == "appearance")
-        bodies = self.geometry.bodies if looks.effects else {}  # a look may go by them: distractors keep away
+        bodies = self.geometry.bodies if looks.effects else {}  # a look may depend on them: distractors keep clear
         wanted = looks, {name: tuple(pose) for name, pose in bodies.items()}
         if wanted != self._dressed:
             dress(self._renderer, self.scene, looks, bodies)
             self._dressed = wanted
 
     def draw(self, camera: str, q: np.ndarray) -> Rendering:
-        """Return what a camera sees at measured joint angles q (nj,) rad, before its sensor makes anything of it."""
+        """Return what a camera sees at measured joint angles q (nj,) rad, before any effect of its sensor."""
         geometry, eye = self.geometry, self.geometry.eyes[camera]
         geometry.at(np.asarray(q, float))
         drawn = eye if self.finer == 1 else eye.finer(self.finer)
@@ -127,7 +127,7 @@ class Predictor:
         return through_sensor(self.world, rendering, seed, velocity, bend=False)
 
     def close(self) -> None:
-        """Frees the renderer."""
+        """Free the renderer."""
         self._renderer.close()
 
     def __enter__(self) -> Predictor:
@@ -168,7 +168,7 @@ def through_sensor(
 
 
 def _coarser(rgb: np.ndarray, depth: np.ndarray, parts: np.ndarray, times: int) -> tuple[np.ndarray, ...]:
-    """Pixels of `times` x `times` rays: the mean of their light; depth and part of the middle one."""
+    """Return pixels of `times` x `times` rays: the mean of their light, depth and part of the middle one."""
     height, width = depth.shape[0] // times, depth.shape[1] // times
     light = TO_LINEAR[rgb].reshape(height, times, width, times, 3).mean(axis=(1, 3))
     middle = slice(times // 2, None, times)
@@ -176,12 +176,12 @@ def _coarser(rgb: np.ndarray, depth: np.ndarray, parts: np.ndarray, times: int) 
 
 
 def encoded(light: np.ndarray) -> np.ndarray:
-    """uint8 sRGB of linear light in [0, 1]."""
+    """Return linear light in [0, 1] as uint8 sRGB."""
     return np.round(255 * to_srgb(light)).astype(np.uint8)
 
 
 def _bent(eye: Eye, rgb: np.ndarray, depth: np.ndarray, parts: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Pictures as the lens of `eye` shows them: colour interpolated, depth and parts from the nearest pixel."""
+    """Return pictures as the lens of `eye` shows them: colour interpolated, depth and parts from the nearest pixel."""
     import cv2
 
     c = eye.camera

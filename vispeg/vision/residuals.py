@@ -1,4 +1,4 @@
-"""Residuals of one camera's frames, every channel over the image and over distance: borders, corners, depth, light."""
+"""Residuals of one camera's frames over the image and over distance: of borders, corners, depth and light."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 
 from vispeg.vision.compare import Compared
 
-POINTS = 4000  # borders and corners of a camera that are kept
+POINTS = 4000  # most borders and corners of a camera that are kept
 DISTANCES = 12  # bins
 CELLS = (8, 6)  # of the image, across and down
-EVERY = 7  # pixel that is counted
-LEAST = 20  # pixels of a cell from which its RMS is told
+EVERY = 7  # one pixel in so many is used
+LEAST = 20  # fewest pixels of a cell with an RMS
 
 
 def over_image_and_distance(mine: Sequence[Compared]) -> dict[str, np.ndarray]:
-    """Arrays by name, for one camera.
+    """Return arrays by name, for one camera.
 
     `size` (2,) px. Of borders and corners that were found, `POINTS` at most: `pixel`, `normal` (n, 2), `along` (n,) px,
-    `depth` (n,) m, `time` (n,) s. Over distance, (k, 4) of m, median, spread, readings: `border_distance` px,
+    `depth` (n,) m, `time` (n,) s. Over distance, as `_binned`: `border_distance` px,
     `distance` mm of depth on the interior, `grey_distance` grey levels. Over the image, (6, 8) RMS of its cells, NaN
     where there are too few: `depth_image` mm, `grey_image` grey levels.
     """
@@ -41,7 +41,10 @@ def over_image_and_distance(mine: Sequence[Compared]) -> dict[str, np.ndarray]:
 
 
 def _geometry(shot: Compared) -> list[np.ndarray]:
-    """(n, 7) u, v, normal, px along it, m, s of the borders that were found, and of corners along u and along v."""
+    """Return rows (n, 7) of the borders that were found, and two rows for each corner, along u and along v.
+
+    The columns are u and v in px, normal (2), misplacement along it in px, depth in m, time in s.
+    """
     out, time = [], shot.frame.time
     if shot.displacements is not None:
         b, along = shot.borders, shot.displacements.along
@@ -50,13 +53,16 @@ def _geometry(shot: Compared) -> list[np.ndarray]:
     if shot.corners is not None:
         c = shot.corners
         for axis, normal in enumerate(np.eye(2)):
-            many = np.tile(normal, (len(c.depth), 1))
-            out.append(np.column_stack([c.pixel, many, c.away[:, axis], c.depth, np.full(len(c.depth), time)]))
+            normals = np.tile(normal, (len(c.depth), 1))
+            out.append(np.column_stack([c.pixel, normals, c.away[:, axis], c.depth, np.full(len(c.depth), time)]))
     return out
 
 
 def _pixels(mine: Sequence[Compared], light: bool) -> np.ndarray:
-    """(n, 4) u, v, m and the error of depth in mm on the interior, or of light in grey levels, of every few pixels."""
+    """Return (n, 4) of one pixel in `EVERY`: u and v in px, depth in m, and an error.
+
+    That is of depth on the interior, mm, or, if `light`, of light, grey levels.
+    """
     parts: list[np.ndarray] = [np.zeros((0, 4))]
     for shot in mine:
         if light and shot.light is not None:
@@ -72,7 +78,7 @@ def _pixels(mine: Sequence[Compared], light: bool) -> np.ndarray:
 
 
 def _cells(table: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """(rows, columns) RMS of the errors in the image's cells."""
+    """Return the RMS (rows, columns) of the errors in the image's cells."""
     at = np.clip((table[:, :2] / size * CELLS).astype(int), 0, np.array(CELLS) - 1)
     where, count = CELLS[0] * at[:, 1] + at[:, 0], CELLS[0] * CELLS[1]
     total = np.bincount(where, table[:, 3] ** 2, count)
@@ -82,10 +88,9 @@ def _cells(table: np.ndarray, size: np.ndarray) -> np.ndarray:
 
 
 def _binned(z: np.ndarray, e: np.ndarray) -> np.ndarray:
-    """(k, 4) of bins of equal numbers: distance m, median error, spread, readings; empty with too few.
+    """Return (k, 4) of bins with equal numbers of readings: distance m, median error, spread, number of readings.
 
-    The spread is 1.48 times the median size of what is off the median: a sigma to which things that the model lacks do
-    not add.
+    Empty with too few. The spread is a robust standard deviation, to which things that the model lacks do not add.
     """
     if len(z) < DISTANCES:
         return np.zeros((0, 4))

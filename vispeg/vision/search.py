@@ -1,4 +1,4 @@
-"""Finds predicted borders in a picture: the strongest step of colour along each normal, to a fraction of a pixel."""
+"""Find predicted borders in a picture: the strongest step of colour along each normal, to a fraction of a pixel."""
 
 from __future__ import annotations
 
@@ -7,15 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.core.rules import RULES
-from vispeg.effects.common.light import to_linear
 from vispeg.vision.borders import Borders
+from vispeg.vision.predict import TO_LINEAR
 
-TO_LINEAR = to_linear(np.arange(256, dtype=np.float32) / 255)  # light of each 8-bit sRGB value
 STEP = 0.25  # px between samples of a profile
 BESIDE = (-1.0, 0.0, 1.0)  # px along the border that are averaged
 SMOOTH = 1.0  # px, sigma of the derivative of a Gaussian that steps are looked for with
 SHARE = 0.6  # of the way to the next predicted border that is searched
-FLOOR = 0.05  # px, what pixels themselves leave of a step's place
+FLOOR = 0.05  # px, error of a step's place due to the pixels themselves
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +60,8 @@ def search(picture: np.ndarray, borders: Borders, window: float = 8.0, noise: fl
     strength = np.where(score[rows, best] > 0, size[rows, best], 0.0)
     apart = np.abs(s - s[best][:, None]) > 1.5 * SMOOTH
     second = np.where(apart, score, 0.0).max(1) / np.maximum(score[rows, best], 1e-9)
-    grain = (
-        noise * np.linalg.norm(_kernel(SMOOTH)) * np.sqrt(STEP * 3 / len(BESIDE))
-    )  # samples closer than a pixel are not apart
+    # samples closer than a pixel are not independent
+    grain = noise * np.linalg.norm(_kernel(SMOOTH)) * np.sqrt(STEP * 3 / len(BESIDE))
     good = strength > max(RULES.edge_step, RULES.edge_times * grain)
     along = np.where(good, s[best] + _finer(picture, borders, s[best]), np.nan)
     sigma = np.hypot(FLOOR, SMOOTH * grain / np.maximum(strength, 1e-9))
@@ -71,10 +69,10 @@ def search(picture: np.ndarray, borders: Borders, window: float = 8.0, noise: fl
 
 
 def _finer(picture: np.ndarray, borders: Borders, middle: np.ndarray) -> np.ndarray:
-    """(n,) px from `middle` (n,) px along the normals to the steepest place of the light there, within a pixel.
+    """Return (n,) px from `middle` (n,) px along the normals to the steepest place of the light there, within a pixel.
 
-    A pixel that a border crosses holds the mean of both sides' light: its code value, which is no light, would put the
-    border towards the darker side.
+    A pixel that a border crosses holds the mean of both sides' light. Code values are not linear in light; they would
+    put the border towards the darker side.
     """
     light, half = TO_LINEAR[picture], int(np.ceil(3 * SMOOTH / STEP))
     near = round(1 / STEP)
@@ -88,9 +86,10 @@ def _finer(picture: np.ndarray, borders: Borders, middle: np.ndarray) -> np.ndar
 
 
 def noise_of_picture(picture: np.ndarray) -> float:
-    """Grey levels, 1-sigma, of a picture (H, W, 3): the median of the mask that sees no edge nor slope.
+    """Return the noise of a picture (H, W, 3), 1-sigma in grey levels, by a mask that no edge and no slope excites.
 
-    Immerkaer, "Fast noise variance estimation", CVIU 64(2), 1996; the median in place of the mean leaves edges out.
+    Source: Immerkaer, "Fast noise variance estimation", CVIU 64(2), 1996; here a median in place of the mean leaves
+    edges out.
     """
     import cv2
 
@@ -101,7 +100,7 @@ def noise_of_picture(picture: np.ndarray) -> float:
 
 
 def profiles(picture: np.ndarray, borders: Borders, s: np.ndarray, middle: np.ndarray | None = None) -> np.ndarray:
-    """(n, len(s), C) grey levels at `s` px along the normals, averaged over a little of the border's length.
+    """Return grey levels (n, len(s), C) at `s` px along the normals, averaged over `BESIDE` along the border.
 
     `middle` (n,) px along the normal is what `s` counts from, 0 if not given.
     """
@@ -121,7 +120,10 @@ def profiles(picture: np.ndarray, borders: Borders, s: np.ndarray, middle: np.nd
 
 
 def steps_along(rows: np.ndarray, sigma: float) -> np.ndarray:
-    """(n, m - k + 1) grey levels of the step at each place of profiles (n, m, C), all colours together."""
+    """Return the steps (n, m - k + 1), grey levels, along profiles (n, m, C), all colours together.
+
+    k is the length of the kernel, a derivative of a Gaussian of `sigma` px.
+    """
     kernel = _kernel(sigma)
     windows = np.lib.stride_tricks.sliding_window_view(rows, len(kernel), axis=1)  # (n, m - k + 1, C, k)
     return np.linalg.norm(windows @ kernel, axis=-1)

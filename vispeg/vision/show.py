@@ -40,12 +40,12 @@ def pictures(compared: Sequence[Compared]) -> tuple[dict[str, object], dict[str,
 
 
 def badness(row: Mapping[str, Any]) -> float:
-    """How far a frame is off: its borders in px where there are any, else its depth in mm, else grey levels."""
+    """Return the error of a frame: of its borders in px where there are any, else of depth in mm, else grey levels."""
     return next((float(row[key]) for key in ("border_px", "depth_mm", "grey") if row[key] is not None), 0.0)
 
 
 def side_by_side(comparison: Compared) -> dict[str, np.ndarray]:
-    """Pictures (H, W, 3) uint8 of one frame: predicted, measured with its borders, difference; depth the same way."""
+    """Return pictures (H, W, 3) uint8 of a frame: predicted, measured with borders, difference; the same of depth."""
     out: dict[str, np.ndarray] = {}
     rgb, depth = comparison.frame.rgb, comparison.frame.depth
     if rgb is not None and comparison.light is not None:
@@ -72,7 +72,7 @@ def _with_borders(rgb: np.ndarray, comparison: Compared) -> np.ndarray:
         return image
     there = np.isfinite(comparison.displacements.along)
     ends = comparison.borders.pixel + np.nan_to_num(comparison.displacements.along)[:, None] * comparison.borders.normal
-    sub = 16  # OpenCV draws at fractions of a pixel
+    sub = 16  # OpenCV takes places in 16ths of a pixel, if it is given a shift of 4 bits
     for start, end, good in zip(comparison.borders.pixel, ends, there, strict=True):
         a, b = (tuple(np.rint(sub * p).astype(int).tolist()) for p in (start, end))
         if good:
@@ -82,13 +82,13 @@ def _with_borders(rgb: np.ndarray, comparison: Compared) -> np.ndarray:
 
 
 def _difference(light: LightResidual) -> np.ndarray:
-    """Measured minus predicted around grey; white where the picture is saturated."""
+    """Return measured minus predicted around grey; white where the picture is saturated."""
     off = np.clip(128 + np.nan_to_num(light.error), 0, 255).astype(np.uint8)
     return np.where(np.isnan(light.error), 255, off).astype(np.uint8)
 
 
 def _signed(error: np.ndarray, missing: np.ndarray) -> np.ndarray:
-    """Errors of depth: orange where measured too near, teal where too far, white at none, black where no reading is."""
+    """Return depth errors in colour: orange measured too near, teal too far, white none, black without a reading."""
     share = np.clip(np.nan_to_num(error) / DEPTH_SPAN, -1, 1)[..., None]
     white, near, far = (np.array(c, float) for c in ((255, 255, 255), PREDICTED, FOUND))
     image = white + np.where(share < 0, -share * (near - white), share * (far - white))
@@ -96,12 +96,14 @@ def _signed(error: np.ndarray, missing: np.ndarray) -> np.ndarray:
 
 
 def _span(depth: np.ndarray) -> tuple[float, float]:
+    """Return the range of depth, m, that a picture's colours span."""
     there = depth[depth > 0]
     low, high = np.quantile(there, [0.01, 0.95]) if there.size else (0.1, 1.0)
     return float(low), float(max(high, low + 0.05))
 
 
 def _small(image: np.ndarray) -> np.ndarray:
+    """Return the picture at most `WIDEST` wide."""
     import cv2
 
     height, width = image.shape[:2]

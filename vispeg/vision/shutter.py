@@ -1,4 +1,4 @@
-"""When a camera looks: late, row by row, while its shutter is open; and what it then has of a moving arm."""
+"""Draw pictures of a moving arm as a camera takes them: late, row by row, over the time that its shutter is open."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from vispeg.vision.eye import values_of
 from vispeg.vision.predict import Predictor, Rendering, encoded
 from vispeg.worlds.world import World
 
-DRAWN = ("camera_delay", "rolling_shutter", "lens_distortion")  # in the picture before its sensor gets it
-BANDS, EXPOSURES = 8, 5  # strips of a rolling shutter, moments of an open one
+DRAWN = ("camera_delay", "rolling_shutter", "lens_distortion")  # effects that are drawn, before the sensor's effects
+BANDS, EXPOSURES = 8, 5  # strips of rows of a rolling shutter, moments within an exposure
 
-Path = Callable[[np.ndarray], np.ndarray]
+Path = Callable[[np.ndarray], np.ndarray]  # times (n,) s -> joint angles (n, nj) rad
 
 
 @dataclass(frozen=True)
 class Shutter:
-    """When a camera of a world looks.
+    """The timing of a camera in a world.
 
     Attributes:
         delay: s from the middle of the exposure to the stamp; below 0 the joint log lags the camera.
@@ -35,19 +35,20 @@ class Shutter:
 
     @classmethod
     def of(cls, world: World, camera: str) -> Shutter:
-        """Return the values of a camera in a world."""
+        """Return the timing of a camera in a world; without such effects it is 0."""
         taken = (("camera_delay", "delay"), ("rolling_shutter", "readout"), ("motion_blur", "exposure"))
         return cls(*(values_of(world, name, camera).get(param, 0.0) for name, param in taken))
 
     @property
     def span(self) -> np.ndarray:
-        """(2,) s before the stamp is added: of the first light of a frame and of the last."""
+        """Times (2,) s of the first and of the last light of a frame, relative to its stamp."""
         half = 0.5 * (self.readout + self.exposure)
         return np.array([-half, half]) - self.delay
 
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the times, before the stamp is added, of each strip of rows (k,) and of each look within the exposure
-        (m,), s.
+        """Return the times (k,) s of the strips of rows after the stamp, and (m,) s of the looks after these.
+
+        A look is a moment within the exposure.
         """
         strips = self.readout * ((np.arange(BANDS) + 0.5) / BANDS - 0.5) if self.readout else np.zeros(1)
         looks = self.exposure * ((np.arange(EXPOSURES) + 0.5) / EXPOSURES - 0.5) if self.exposure else np.zeros(1)
@@ -55,12 +56,12 @@ class Shutter:
 
 
 def exposed(predictor: Predictor, camera: str, shutter: Shutter, path: Path, time: float) -> Rendering:
-    """One frame, each strip of rows at its own time; posture and pose are those of the middle strip.
+    """Draw one frame, each strip of rows at its own time; posture and pose are those of the middle strip.
 
     Args:
         predictor: in the world that is photographed.
         camera: name.
-        shutter: when it looks.
+        shutter: its timing.
         path: times (n,) s -> joint angles (n, nj) rad that the predictor takes.
         time: s, the stamp.
     """
@@ -70,7 +71,7 @@ def exposed(predictor: Predictor, camera: str, shutter: Shutter, path: Path, tim
 def exposed_borders(
     predictor: Predictor, camera: str, shutter: Shutter, path: Path, time: float
 ) -> tuple[Rendering, Borders]:
-    """One frame as `exposed` draws it, and its borders: of each strip where they are when its rows are read."""
+    """Draw one frame as `exposed` does, with its borders: of each strip where they are when its rows are read."""
     strips, pieces = [], []
     for k, at in enumerate(_strips(shutter)):
         rendering = _open(predictor, camera, path(time + at))
@@ -84,28 +85,28 @@ def exposed_borders(
 
 
 def _strips(shutter: Shutter) -> np.ndarray:
-    """(k, m) s before the stamp is added: looks of each strip."""
+    """Return the times (k, m) s of the looks of each strip, relative to the stamp."""
     strips, looks = shutter.moments()
     return strips[:, None] + looks
 
 
 def _open(predictor: Predictor, camera: str, postures: np.ndarray) -> Rendering:
     """Return the mean light of some postures (m, nj); depth and part of the middle one."""
-    some = [predictor.draw(camera, q) for q in postures]
-    middle = some[len(some) // 2]
-    if len(some) == 1:
+    drawn = [predictor.draw(camera, q) for q in postures]
+    middle = drawn[len(drawn) // 2]
+    if len(drawn) == 1:
         return middle
-    light = np.mean([to_linear(rendering.rgb.astype(np.float32) / 255) for rendering in some], axis=0)
+    light = np.mean([to_linear(rendering.rgb.astype(np.float32) / 255) for rendering in drawn], axis=0)
     return replace(middle, rgb=encoded(light))
 
 
 def _strip_of(height: int, count: int) -> np.ndarray:
-    """(height,) the strip that each row belongs to."""
+    """Return the strip (height,) that each row belongs to."""
     return np.minimum(np.arange(height) * count // height, count - 1)
 
 
 def _joined(strips: list[Rendering]) -> Rendering:
-    """Return the rows of each strip, the middle one's posture."""
+    """Return one picture of the rows of all strips; its posture is the middle one's."""
     if len(strips) == 1:
         return strips[0]
     rows = _strip_of(len(strips[0].depth), len(strips))
