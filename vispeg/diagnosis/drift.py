@@ -104,8 +104,8 @@ def drifts(world: World, recordings: Sequence[Recording], threads: int = 1) -> l
                     "since": None,
                 }
             )
-    every = [n for row in rows for n in row["now"]]
-    for n, p in zip(every, holm([n["p_holm"] for n in every]), strict=True):
+    entries = [n for row in rows for n in row["now"]]
+    for n, p in zip(entries, holm([n["p_holm"] for n in entries]), strict=True):
         n["p_holm"], n["outside"] = p, p < RULES.changed
     for row in rows:
         inside = [k for k, n in enumerate(row["now"]) if not n["outside"]]

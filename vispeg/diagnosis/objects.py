@@ -144,19 +144,19 @@ def diagnose_object(
     judged = Restarts(held_out, model, first, sigma=evidence.sigma, nthread=nthread)
     search = ObjectSearch(evidence, judged, say, progress)
     search.seed = seed
-    got, state = concluded(search, world, (fitted, held_out))
+    diagnosis, state = concluded(search, world, (fitted, held_out))
     say("what each length of window can tell")
     work_out = partial(windows, search, world, state.world)
     rows = search.progress.recall(["windows", model_text(state.world)], work_out)
-    record = got.record
+    record = diagnosis.record
     never = [s for s in record.get("shows_from", ()) if not any(s["between"].values())]
     record["object"], record["restarts"] = model.name, rows
-    record["contact"] = contact_numbers(model, got.world)
+    record["contact"] = contact_numbers(model, diagnosis.world)
     record["next_experiment"] = _next([s["effect"] for s in never], rows)
     record["notes"] += [
         f"{s['effect']}({s['where']}) cannot be told: no size of it shows in these tosses" for s in never
     ]
-    return got
+    return diagnosis
 
 
 def contact_numbers(model: ObjectModel, world: World) -> dict[str, float]:
@@ -198,10 +198,10 @@ def windows(search: ObjectSearch, before: World, after: World) -> list[Mapping[s
         parameters: list[Mapping[str, object]] = []
         for e in after.effects[len(before.effects) :]:
             for name in effect(e.effect).magnitudes:
-                got = profile(evidence, after, e, name, rng)
+                p = profile(evidence, after, e, name, rng)
                 parameters.append({
-                    "parameter": got.label, "best": got.best, "low": got.low, "high": got.high, "told": got.determined,
-                    "profile": {"value": got.values.tolist(), "error": got.error.tolist()},
+                    "parameter": p.label, "best": p.best, "low": p.low, "high": p.high, "told": p.determined,
+                    "profile": {"value": p.values.tolist(), "error": p.error.tolist()},
                 })  # fmt: skip
         rows.append({**row, "parameters": parameters})
     return rows

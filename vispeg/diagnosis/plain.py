@@ -61,12 +61,12 @@ def diagnose_plain(
     search: PlainSearch, world: World, recordings: tuple[Sequence[Recording], Sequence[Recording]]
 ) -> Diagnosis:
     """Find the effects that a world lacks in signals with a column per joint; arguments as for `concluded`."""
-    got, state = concluded(search, world, recordings)
-    judged, record = search.judged, got.record
+    diagnosis, state = concluded(search, world, recordings)
+    judged, record = search.judged, diagnosis.record
     predicted = judged.simulated([world, state.world])
     record["where_it_fails"], record["residual_peaks"] = [], []
     record["channels"], record["correlations"] = channels(judged, predicted, None), correlations(state)
-    return replace(got, arrays=arrays(traces(judged.items, predicted), judged.items[0].robot.joints))
+    return replace(diagnosis, arrays=arrays(traces(judged.items, predicted), judged.items[0].robot.joints))
 
 
 def concluded(

@@ -258,9 +258,9 @@ class Linear:
 
     def weigh(self, variance: np.ndarray) -> None:
         """Set the variances (nj,) of each joint's missing torque, (N m)^2, due to noise and model form."""
-        own = self.sides[0].drives
+        drives = self.sides[0].drives
         # samples of a signal band-limited to MOTION_HZ are correlated: 2 MOTION_HZ per second are independent
-        rate = len(own.torque) / sum(float(np.ptp(i.segment.time)) for i in own.items)
+        rate = len(drives.torque) / sum(float(np.ptp(i.segment.time)) for i in drives.items)
         self.variance = variance
         self.weight = weight = min(1.0, 2.0 * MOTION_HZ / rate) / (variance + 1e-12)
         (self.gram, self.slope, self.total), self.held = (
@@ -292,8 +292,8 @@ class Linear:
             if len(j) == 1:
                 rise[k] = 0.5 * (slope[j[0]] ** 2 / matrix[j[0], j[0]] - np.log(matrix[j[0], j[0]]))
             else:
-                own = matrix[np.ix_(j, j)]
-                rise[k] = 0.5 * (slope[j] @ np.linalg.solve(own, slope[j]) - np.linalg.slogdet(own)[1])
+                block = matrix[np.ix_(j, j)]
+                rise[k] = 0.5 * (slope[j] @ np.linalg.solve(block, slope[j]) - np.linalg.slogdet(block)[1])
         best = sorted(rise, key=lambda k: -rise[k])[: 4 * RULES.first_looked]
         return [k for k in best if rise[k] > self.price and self.possible([*chosen, k])][: RULES.first_looked]
 
@@ -339,15 +339,15 @@ class Linear:
                 if new[1] > now[1]:
                     moves.append((new[0] + new[1], f"+ {self._label(k)}", [*chosen, k]))
             for k in chosen:
-                rest = [c for c in chosen if c != k]
-                new = self.score(rest)
-                if self.possible(rest):
-                    moves.append((new[0] + new[1], f"- {self._label(k)}", rest))
-                for other in self.additions(rest):
+                kept = [c for c in chosen if c != k]
+                new = self.score(kept)
+                if self.possible(kept):
+                    moves.append((new[0] + new[1], f"- {self._label(k)}", kept))
+                for other in self.additions(kept):
                     if other != k:
-                        new = self.score([*rest, other])
+                        new = self.score([*kept, other])
                         label = f"{self._label(k)} > {self._label(other)}"
-                        moves.append((new[0] + new[1], label, [*rest, other]))
+                        moves.append((new[0] + new[1], label, [*kept, other]))
             best = max(moves, default=None, key=lambda m: m[0])
             if best is None or best[0] < now[0] + now[1] + RULES.first_gain:
                 break
@@ -365,14 +365,14 @@ class Linear:
         placed = _fitted(self.sides[0], placed, self.weight)
         total, shares, named = sum(self.score(chosen)[:2]), self._shares(chosen), []
         for k, effect_there in zip(chosen, placed, strict=True):
-            rest = [other for other in chosen if other != k]
-            equals = [o for o in self.additions(rest) if sum(self.score([*rest, o])[:2]) > total - RULES.first_tie]
+            kept = [other for other in chosen if other != k]
+            equals = [o for o in self.additions(kept) if sum(self.score([*kept, o])[:2]) > total - RULES.first_tie]
             keys = dict.fromkeys(self.entries[o].key for o in equals if self.entries[o].key != self.entries[k].key)
             named.append(Named(effect_there, shares[k], tuple(keys)))
         named.sort(key=lambda n: -n.share)
         side = self.sides[1]
-        rest = side.lacks(side.world.add(*placed))
-        before, after = (np.sqrt((y**2).sum(axis=0) / np.maximum(side.moves.sum(axis=0), 1)) for y in (side.y, rest))
+        lacking = side.lacks(side.world.add(*placed))
+        before, after = (np.sqrt((y**2).sum(axis=0) / np.maximum(side.moves.sum(axis=0), 1)) for y in (side.y, lacking))
         joints = side.drives.items[0].robot.joints
         return Proposal(tuple(named), joints, before, after, self.floor, side.drives.measured, tuple(path))
 

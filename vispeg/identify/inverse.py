@@ -187,15 +187,15 @@ def evidence_for(recordings: Sequence[Recording], nthread: int = 1, *, beside: S
     """
     if nthread < 1:
         raise UserError("must be at least 1", key="threads", got=nthread)
-    every = (*recordings, *beside)
-    for rec in every:
-        if rec.robot != every[0].robot:
+    compared = (*recordings, *beside)
+    for rec in compared:
+        if rec.robot != compared[0].robot:
             what = "recordings of different robots"
-            raise UserError(what, file=rec.path, key="robot", expected=every[0].robot, got=rec.robot)
-        if rec.joints != every[0].joints:
-            expected, got = (", ".join(r.joints) for r in (every[0], rec))
+            raise UserError(what, file=rec.path, key="robot", expected=compared[0].robot, got=rec.robot)
+        if rec.joints != compared[0].joints:
+            expected, got = (", ".join(r.joints) for r in (compared[0], rec))
             raise UserError("recordings of different joints", file=rec.path, key="joints", expected=expected, got=got)
-    if any(rec.control.mode == "unknown" for rec in every):
+    if any(rec.control.mode == "unknown" for rec in compared):
         return TorqueEvidence(recordings)
     return Evidence(recordings, nthread=nthread)
 

@@ -106,8 +106,8 @@ class Point:
         r, jac = self.at(u)
         q, upper = np.linalg.qr(jac)
         along = q.T @ r
-        rest = np.append(np.zeros(n), np.linalg.norm(r - q @ along))
-        return np.vstack([np.column_stack([upper, along]), rest])
+        last_row = np.append(np.zeros(n), np.linalg.norm(r - q @ along))
+        return np.vstack([np.column_stack([upper, along]), last_row])
 
     def _evaluate(self, u: np.ndarray, r: np.ndarray | None = None) -> None:
         """Roll out one step from `u` along each coordinate, and `u` itself too if its residual `r` is not given.

@@ -108,10 +108,10 @@ class Restarts(Evidence):
             raise UserError("recorded at another rate", file=recordings[-1].path, key="rate_hz", expected=self.rate)
         self.substeps = max(SUBSTEPS, int(np.ceil(1 / (self.rate * LONGEST_STEP))))
         self.compiled = model.compile(1 / (self.rate * self.substeps))
-        every = [w for rec in recordings for w in self._windows(rec)]
-        touch = [self._touches(w) for w in every]
-        flight = [_some(w, ~t) for w, t in zip(every, touch, strict=True) if (~t).any()]
-        hits = [_some(w, t) for w, t in zip(every, touch, strict=True) if t.any()]
+        windows = [w for rec in recordings for w in self._windows(rec)]
+        touch = [self._touches(w) for w in windows]
+        flight = [_selected(w, ~t) for w, t in zip(windows, touch, strict=True) if (~t).any()]
+        hits = [_selected(w, t) for w, t in zip(windows, touch, strict=True) if t.any()]
         if not hits:
             raise UserError("the object never touches the table", file=recordings[0].path)
         self.flight = self._spread(flight)
@@ -121,7 +121,7 @@ class Restarts(Evidence):
         self.sigma = sigma
         self.items = [replace(w, sigma=sigma) for w in self._spread(hits)]
         why = {name: NO_TOSS_HAS.get(kind.needs) for name, kind in sorted(REGISTRY.items()) if self._acts(kind)}
-        self.notes = [f"{name}({model.name}) cannot be identified: {said}" for name, said in why.items() if said]
+        self.notes = [f"{name}({model.name}) cannot be identified: {reason}" for name, reason in why.items() if reason]
 
     def _windows(self, rec: ObjectRecording) -> list[Windows]:
         """Return the windows of each toss, one after the other; tosses that are too short are left out."""
@@ -234,13 +234,13 @@ class Restarts(Evidence):
         end = np.concatenate([w.recording.pose[w.last] for w in windows])
         n = len(first)
         out = np.empty((len(worlds), n, 6))
-        each = max(1, ROWS // n)
-        for start in range(0, len(worlds), each):
-            some = worlds[start : start + each]
-            got = self._flown(some, pose, rate, length)  # (k, n, 7)
-            out[start : start + each, :, :3] = got[..., :3]
-            out[start : start + each, :, 3:] = turn_between(
-                np.broadcast_to(end[:, 3:], got[..., 3:].shape), got[..., 3:]
+        most = max(1, ROWS // n)
+        for start in range(0, len(worlds), most):
+            batch = worlds[start : start + most]
+            poses = self._flown(batch, pose, rate, length)  # (k, n, 7)
+            out[start : start + most, :, :3] = poses[..., :3]
+            out[start : start + most, :, 3:] = turn_between(
+                np.broadcast_to(end[:, 3:], poses[..., 3:].shape), poses[..., 3:]
             )
         cuts = np.cumsum([len(w.first) for w in windows])[:-1]
         return np.split(out, cuts, axis=1)
@@ -268,7 +268,8 @@ class Restarts(Evidence):
         return out.reshape(k, n, 7)
 
 
-def _some(w: Windows, mask: np.ndarray) -> Windows:
+def _selected(w: Windows, mask: np.ndarray) -> Windows:
+    """Return the windows of a toss that a mask (n,) bool selects."""
     return replace(w, first=w.first[mask], last=w.last[mask])
 
 

@@ -49,9 +49,9 @@ class Trace:
         """
         square = np.bincount(blocks, column**2)
         along = np.bincount(blocks, column * residual)
-        rest = column - others @ np.linalg.lstsq(others, column, rcond=1e-6)[0] if others.shape[1] else column
+        independent = column - others @ np.linalg.lstsq(others, column, rcond=1e-6)[0] if others.shape[1] else column
         error = float(np.sqrt(max(1.0, np.sum(along**2) / max(square.sum(), 1e-300))))
-        return cls(square[square > 0], float(rest @ rest), error)
+        return cls(square[square > 0], float(independent @ independent), error)
 
 
 @dataclass(frozen=True)

@@ -153,15 +153,15 @@ def _least(
     Arguments are as in `shows_from`.
     """
     level = float(stats.norm.isf(RULES.discoveries / max(search.tested(state), 1)))
-    every = []
+    trials = []
     for seen in _seen(search, state, tried):
         needs = needed(search, state, seen.tried.placed, worth, level)
         promised = max(seen.tried.least, least_coefficient(seen.trace, seen.trace, needs))
-        every.append((seen, needs, promised, seen.tried.distance(promised)))
-    sizes = {seen.tried.key: 0.0 for seen, *_ in every}
-    sizes |= {seen.tried.key: np.inf for seen, _, _, size in every if not np.isfinite(size)}
+        trials.append((seen, needs, promised, seen.tried.distance(promised)))
+    sizes = {seen.tried.key: 0.0 for seen, *_ in trials}
+    sizes |= {seen.tried.key: np.inf for seen, _, _, size in trials if not np.isfinite(size)}
     # magnitudes with a trial that no size shows are done
-    shown = [(seen, needs, promised) for seen, needs, promised, _ in every if np.isfinite(sizes[seen.tried.key])]
+    shown = [(seen, needs, promised) for seen, needs, promised, _ in trials if np.isfinite(sizes[seen.tried.key])]
     for (seen, needs, _), held_out in zip(shown, _held_out(search, state, shown), strict=True):
         t = seen.tried
         times = max(t.least, least_coefficient(seen.trace, held_out, needs))
@@ -196,11 +196,11 @@ def _seen(search: Searched, state: State, tried: Iterable[tuple[Sequence[Tried],
     for group, columns in tried:
         columns = columns.astype(float)
         along = basis.T @ columns
-        own = columns - basis @ along
+        independent = columns - basis @ along
         taken = np.linalg.lstsq(upper, along, rcond=1e-9)[0]
         for k, t in enumerate(group):
-            trace = Trace.of(own[:, k], np.delete(own, k, axis=1), residual, blocks)
-            yield _Seen(t, trace, taken[:, k], worth.test(own[:, k], len(effect(t.placed.effect).params)))
+            trace = Trace.of(independent[:, k], np.delete(independent, k, axis=1), residual, blocks)
+            yield _Seen(t, trace, taken[:, k], worth.test(independent[:, k], len(effect(t.placed.effect).params)))
 
 
 def _held_out(search: Searched, state: State, shown: Sequence[tuple[_Seen, Needs, float]]) -> Iterator[Trace]:
@@ -253,12 +253,12 @@ class _Worth:
     def test(self, column: np.ndarray, parameters: int) -> Callable[[float], bool]:
         """Return the test of a multiple of a trace (n,), for an effect with so many `parameters`."""
         changed = spectra(self.evidence, column)
-        mixed, own = correlations(self.spectra, changed), correlations(changed, changed)
+        mixed, of_column = correlations(self.spectra, changed), correlations(changed, changed)
         square = max(float(self.residual @ self.residual), 1e-300)
         slope, curve = float(self.residual @ column), float(column @ column)
 
         def passes(times: float) -> bool:
-            parts = zip(self.correlations, mixed, own, strict=True)
+            parts = zip(self.correlations, mixed, of_column, strict=True)
             time = time_of([a + 2.0 * times * b + times**2 * c for a, b, c in parts])
             n = max(2.0, self.evidence.count / (2.0 * time))
             drop = np.log1p(times * (2.0 * slope + times * curve) / square)

@@ -34,8 +34,8 @@ def base_parameters(fitted: TorqueEvidence, held_out: TorqueEvidence, world: Wor
     solution = np.linalg.lstsq(x / scale, y, rcond=RANK)[0] / scale
     out = []
     for item, residual in zip(held_out.items, _residuals(held_out, world), strict=True):
-        rest = residual - (columns(item) @ solution).reshape(residual.shape)
-        out.append(np.where(item.valid, rest, 0.0))
+        remaining = residual - (columns(item) @ solution).reshape(residual.shape)
+        out.append(np.where(item.valid, remaining, 0.0))
     return out
 
 

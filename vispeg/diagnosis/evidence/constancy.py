@@ -148,18 +148,18 @@ def _apart(
     """
     gram, slope = everywhere
     p, k = gram.shape[1], len(free)
-    rest = [i for i in range(p) if i not in free]
-    r = len(rest)
+    common = [i for i in range(p) if i not in free]
+    r = len(common)
     matrix, right = np.zeros((r + RULES.parts * k, r + RULES.parts * k)), np.zeros(r + RULES.parts * k)
-    matrix[:r, :r], right[:r] = gram.sum(axis=0)[np.ix_(rest, rest)], slope.sum(axis=0)[rest]
+    matrix[:r, :r], right[:r] = gram.sum(axis=0)[np.ix_(common, common)], slope.sum(axis=0)[common]
     for s in range(RULES.parts):
         at = slice(r + s * k, r + (s + 1) * k)
         matrix[at, at], right[at] = gram[s][np.ix_(free, free)], slope[s][free]
-        matrix[at, :r] = gram[s][np.ix_(free, rest)]
+        matrix[at, :r] = gram[s][np.ix_(free, common)]
         matrix[:r, at] = matrix[at, :r].T
     once, x = _solved(gram.sum(axis=0), slope.sum(axis=0)), _solved(matrix, right)
     apart = np.zeros((RULES.parts, p))
-    apart[:, rest], apart[:, free] = x[:r], x[r:].reshape(RULES.parts, k)
+    apart[:, common], apart[:, free] = x[:r], x[r:].reshape(RULES.parts, k)
     return _squares(here, np.tile(once, (RULES.parts, 1))) - _squares(here, apart), x[r::k]
 
 

@@ -138,11 +138,11 @@ class Dictionary:
         x, total = x * self.scale[i], 0.0
         for part in self.parts:
             gram, slope = part[np.ix_(i, i)], part[i, -1]
-            rest, pull = self.gram[np.ix_(i, i)] - gram, self.slope[i] - slope
+            other_gram, other_slope = self.gram[np.ix_(i, i)] - gram, self.slope[i] - slope
             refit, free = x.copy(), ~held
             if free.any():
-                inner = rest[np.ix_(free, free)] + RIDGE * np.eye(int(free.sum()))
-                refit[free] = np.linalg.solve(inner, pull[free] - rest[np.ix_(free, held)] @ x[held])
+                inner = other_gram[np.ix_(free, free)] + RIDGE * np.eye(int(free.sum()))
+                refit[free] = np.linalg.solve(inner, other_slope[free] - other_gram[np.ix_(free, held)] @ x[held])
             total += part[-1, -1] - 2.0 * refit @ slope + refit @ gram @ refit
         return float(total)
 

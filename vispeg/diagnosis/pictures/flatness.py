@@ -47,12 +47,12 @@ def judge_heights(away: np.ndarray, slopes: np.ndarray, held_away: np.ndarray, h
         away, held_away: (n,) px, misplacements to fit and to judge on, each view's pose projected out.
         slopes, held_slopes: (n, corners) px per mm of height, likewise.
     """
-    noise, rest = max(noise_of(away), LEAST_NOISE), away
+    noise, residual = max(noise_of(away), LEAST_NOISE), away
     for scale in (3 * noise, *[noise] * ROUNDS):  # wide at first, as the heights are unknown
-        weight = trust(rest, scale)[:, None] / scale**2
+        weight = trust(residual, scale)[:, None] / scale**2
         normal = slopes.T @ (weight * slopes) + np.eye(slopes.shape[1]) / RULES.flat_bend**2
         heights = np.linalg.solve(normal, slopes.T @ (weight[:, 0] * away))
-        rest = away - slopes @ heights
+        residual = away - slopes @ heights
     predicted = held_slopes @ heights
     drop = float(np.sum(held_away**2 - (held_away - predicted) ** 2))
     size, share = float(np.sqrt(np.mean(predicted**2))), drop / max(float(np.sum(held_away**2)), 1e-9)

@@ -107,16 +107,16 @@ def _standing(
             moved = [pixels(geometry, sight, world, replace(p, local=p.local + SMALL * a)) - here for a in np.eye(3)]
             columns.append(np.stack([np.sum(m * p.normal, axis=1) / SMALL for m in moved], axis=1))
             away.append(p.along - np.sum((here - p.pixel) * p.normal, axis=1))
-    slope, rest = np.concatenate(columns or [np.zeros((0, 3))]), np.concatenate(away or [np.zeros(0)])
-    good = np.isfinite(slope).all(axis=1) & np.isfinite(rest)
-    slope, rest = slope[good], rest[good]
-    if len(rest) < RULES.moved_points:
+    slope, misplaced = np.concatenate(columns or [np.zeros((0, 3))]), np.concatenate(away or [np.zeros(0)])
+    good = np.isfinite(slope).all(axis=1) & np.isfinite(misplaced)
+    slope, misplaced = slope[good], misplaced[good]
+    if len(misplaced) < RULES.moved_points:
         return None
     shift = np.zeros(3)
     for scale in (4.0, 2.0, 1.0, 0.5, 0.5):  # px, from the whole window down to inlier edges
-        w = trust(rest - slope @ shift, scale)
+        w = trust(misplaced - slope @ shift, scale)
         shift = np.linalg.solve(
-            (slope * w[:, None]).T @ slope / scale**2 + np.eye(3) / FAR**2, slope.T @ (w * rest) / scale**2
+            (slope * w[:, None]).T @ slope / scale**2 + np.eye(3) / FAR**2, slope.T @ (w * misplaced) / scale**2
         )
     return tuple(shift.tolist())
 

@@ -186,9 +186,9 @@ def _joints_said(robot: float, recordings: Sequence[Recording]) -> str:
     """Return a clause on the joint error assumed in each frame, compared with the recordings' stated encoder noise."""
     if not robot:
         return ""
-    said = f"; this assumes joint errors of {1e3 * robot:.2g} mrad in each frame (1 sigma), estimated from the pictures"
+    text = f"; this assumes joint errors of {1e3 * robot:.2g} mrad in each frame (1 sigma), estimated from the pictures"
     stated = max((float(rec.noise.get("q", 0.0)) for rec in recordings), default=0.0)
-    return said + (f", {robot / stated:.0f} times the encoders' stated noise" if robot > stated > 0 else "")
+    return text + (f", {robot / stated:.0f} times the encoders' stated noise" if robot > stated > 0 else "")
 
 
 def _channel(judged: BorderEvidence, before: float, after: float) -> Channel:

@@ -68,8 +68,8 @@ def decide(
         text = f"borders lie {after:.2f} px from where they are predicted, {after / floor:.1f} times what a right model"
         return _unexplained(text + " leaves, and no known effect explains it")
     if not n_added:
-        said = f"borders lie within {after:.2f} px of where they are predicted" if after else "no border is in view"
-        return Verdict("adequate", f"{said}; no effect lowers it" if after else said)
+        found = f"borders lie within {after:.2f} px of where they are predicted" if after else "no border is in view"
+        return Verdict("adequate", f"{found}; no effect lowers it" if after else found)
     names = sorted(r.label for r in rivals if r.equals)
     if names:
         return Verdict("ambiguous", f"these views cannot tell {', '.join(names)} from other effects")
@@ -107,8 +107,8 @@ def with_sensor(borders: Verdict, sensed: Sequence[Sensed]) -> Verdict:
     names = sorted(r.label for s in added for r in s.rivals if r.equals)
     alike = [said for s in added for said in s.alike]
     if names or alike or borders.verdict == "ambiguous":
-        told = [f"these views cannot tell {', '.join(names)} from other effects"] if names else []
+        undecided = [f"these views cannot tell {', '.join(names)} from other effects"] if names else []
         first = [borders.reason] if borders.verdict == "ambiguous" else []
-        return Verdict("ambiguous", "; ".join([*first, *told, *alike]))
+        return Verdict("ambiguous", "; ".join([*first, *undecided, *alike]))
     said = [borders.reason] if borders.verdict == "identified" else []
     return Verdict("identified", "; ".join([*said, *(s.fall for s in added)]))

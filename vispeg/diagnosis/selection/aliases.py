@@ -85,8 +85,8 @@ def _shared_too(state: State, n_fixed: int) -> list[EffectInstance]:
 
     That one may be of another kind.
     """
-    every = any(effect(e.effect).shared and e.where == "all" for e in state.world.effects)
-    return [e for e in state.world.effects[n_fixed:] if every and effect(e.effect).shared and e.where != "all"]
+    has_shared = any(effect(e.effect).shared and e.where == "all" for e in state.world.effects)
+    return [e for e in state.world.effects[n_fixed:] if has_shared and effect(e.effect).shared and e.where != "all"]
 
 
 def _uncommon(search: Searching, state: State, n_fixed: int) -> list[EffectInstance]:

@@ -81,14 +81,14 @@ def reduced(fit: Fit, gone: Sequence[int], null: np.ndarray) -> tuple[np.ndarray
     u = fit.u.copy()
     u[list(gone)] = null[list(gone)]
     residual = fit.residual + fit.jacobian[:, list(gone)] @ (u - fit.u)[list(gone)]
-    rest = fit.jacobian[:, stay]
+    columns = fit.jacobian[:, stay]
     if stay:
-        info = rest.T @ rest
-        step = -np.linalg.solve(info + _ridge(info), rest.T @ residual)
+        info = columns.T @ columns
+        step = -np.linalg.solve(info + _ridge(info), columns.T @ residual)
         u[stay] += step
-        residual = residual + rest @ step
+        residual = residual + columns @ step
     low, high = fit.space.bounds
-    return np.clip(u, low, high), residual, rest
+    return np.clip(u, low, high), residual, columns
 
 
 def _ridge(info: np.ndarray) -> np.ndarray:

@@ -128,11 +128,11 @@ def _grown(search: Searching, state: State, simple: EffectInstance) -> list[Effe
     data = joint_data(search.missing(state.world), search.evidence.items)[joints.index(simple.where)]
     starts: list[EffectInstance] = []
     for name, kind in searchable().items():
-        for param_name, its in kind.grows_from.get(simple.effect, {}).items():
+        for param_name, simple_param in kind.grows_from.get(simple.effect, {}).items():
             for guess, scale in product(kind.guesses(data), RULES.law_scales):
                 scaled = {k: v * scale for k, v in guess.items() if k in kind.magnitudes}
                 start = EffectInstance.of(
-                    name, simple.where, **{**guess, **scaled, param_name: simple.params[its].value}
+                    name, simple.where, **{**guess, **scaled, param_name: simple.params[simple_param].value}
                 )
                 starts += [start] if start not in starts and search.evidence.sees(kind) else []
     return starts
@@ -151,17 +151,17 @@ def grow(search: Searching, state: State, placed: EffectInstance, n_fixed: int) 
     tends to end in a local minimum in which the simpler one explains most, so it starts from the simpler one's value.
     """
     simple = next(e for e in state.world.effects if (e.effect, e.where) == (placed.effect, placed.where))
-    rest = state.world.without(simple.effect, simple.where)
+    bare = state.world.without(simple.effect, simple.where)
     starts = _grown(search, state, simple)
     if not starts:
         return
-    squared = [squares(r) for r in search.evidence.each_residual([rest.add(s) for s in starts])]
+    squared = [squares(r) for r in search.evidence.each_residual([bare.add(s) for s in starts])]
     starts = _first([starts[k] for k in np.argsort(squared)])  # a fit of backlash converges slowly from far away
     remains = search.evidence.chi2(state.residual)
     goal = remains - RULES.decisive * max(remains - 1.0, 0.0)
     chases = [Chase(goal) for _ in starts]
     columns = [state.derivatives([simple])] * len(starts)
-    fits = search.fits([rest.add(s) for s in starts], n_fixed, races=chases, columns=columns)
+    fits = search.fits([bare.add(s) for s in starts], n_fixed, races=chases, columns=columns)
     losses = search.judge.losses([f.world for f in fits])
     k = int(np.argmin([search.judge.mean(loss) for loss in losses]))
     crossed = state.cross, search.cross.loss_of(fits[k], fits[k].residual)

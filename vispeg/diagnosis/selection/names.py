@@ -127,24 +127,25 @@ class _Both:
 def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: int, beside: np.ndarray) -> Exchange:
     """Return the exchange of the effect `k`.
 
-    `both` gives squared residuals of sets; names in `_held` are of the held-out ground. `beside` is as in `_doubts`.
+    `both` gives squared residuals of sets: those with a candidate in place of `k` are `swapped`, with both `added`.
+    Names in `_held` are of the held-out ground. `beside` is as in `_doubts`.
     """
-    entries, rest = fitted.dictionary.entries, [m for m in model if m != k]
-    (error, error_held), (without, without_held) = both(model), both(rest)
+    entries, others = fitted.dictionary.entries, [m for m in model if m != k]
+    (error, error_held), (without, without_held) = both(model), both(others)
     instead, alike, close = _doubts(fitted, model, k, beside, error, without)
     share = min((without - error) / fitted.excess_at(k), (without_held - error_held) / held.excess_at(k))
     alike = alike if share >= RULES.name_costs else []
     shaken = []
     for c in alike:
-        (other, other_held), (more, more_held) = both([*rest, c]), both([*model, c])  # c in place of k, and beside it
-        weak = other - more < fitted.needed(k)
-        if weak or other_held - min(error_held, more_held) < held.needed(k):
+        (swapped, swapped_held), (added, added_held) = both([*others, c]), both([*model, c])
+        weak = swapped - added < fitted.needed(k)
+        if weak or swapped_held - min(error_held, added_held) < held.needed(k):
             shaken.append(c)
-    close = [c for c in close if both([*rest, c])[0] < _near(fitted, k, error, without)]
-    better = [c for c in alike if both([*rest, c])[1] < error_held]
+    close = [c for c in close if both([*others, c])[0] < _near(fitted, k, error, without)]
+    better = [c for c in alike if both([*others, c])[1] < error_held]
     order = sorted({*close, *better, *shaken}, key=lambda c: -instead[c])
     rivals = list({entries[c].key: c for c in reversed(order)}.values())[::-1]  # the best of one candidate's guesses
-    placed = tuple(fitted.dictionary.placed([*rest, c])[-1] for c in rivals[: RULES.name_rivals])
+    placed = tuple(fitted.dictionary.placed([*others, c])[-1] for c in rivals[: RULES.name_rivals])
     labels = dict.fromkeys(entries[c].placed.label for c in shaken)
     return Exchange(entries[k].placed.label, float(share), tuple(labels), placed)
 

@@ -111,8 +111,8 @@ class PlainSearch(Loop, Shown):
         for (name, where), tries in asked:
             columns = np.stack([next(rows) - state.residual for _ in tries], axis=1)
             columns -= basis @ (basis.T @ columns)
-            rest = base - columns @ np.linalg.lstsq(columns, base, rcond=1e-6)[0]
-            out.append(Score(self._start(name, where), float(base @ base - rest @ rest)))
+            unexplained = base - columns @ np.linalg.lstsq(columns, base, rcond=1e-6)[0]
+            out.append(Score(self._start(name, where), float(base @ base - unexplained @ unexplained)))
         return sorted(out, key=lambda s: -s.gain)
 
     def shows_from(self, state: State) -> list[ShowsFrom]:
@@ -244,25 +244,25 @@ class PlainSearch(Loop, Shown):
     def _prune(self, state: State, n_fixed: int) -> None:
         """Remove, one by one, the effects that the others make superfluous."""
         while len(state.world.effects) - n_fixed > 1:
-            rests = [(e, self._without(state, e, n_fixed)) for e in state.world.effects[n_fixed:]]
-            gains = [self.judge.gain(r.loss, state.loss) for _, r in rests]
+            reduced = [(e, self._without(state, e, n_fixed)) for e in state.world.effects[n_fixed:]]
+            gains = [self.judge.gain(r.loss, state.loss) for _, r in reduced]
             idle = [
                 i
-                for i, ((e, r), g) in enumerate(zip(rests, gains, strict=True))
+                for i, ((e, r), g) in enumerate(zip(reduced, gains, strict=True))
                 if g.relative < self.evidence.least_gain or g.z < RULES.drop_single or self.idle(e, state, r, n_fixed)
             ]
             if not idle:
                 return
-            placed, rest = rests[min(idle, key=lambda i: gains[i].mean)]
+            placed, best = reduced[min(idle, key=lambda i: gains[i].mean)]
             self.say(f"{placed.label} is not needed any more")
-            state.world, state.loss, state.residual, state.fit = rest.world, rest.loss, rest.residual, rest.fit
+            state.world, state.loss, state.residual, state.fit = best.world, best.loss, best.residual, best.fit
 
     def _secants(self, name: str, where: str) -> dict[str, EffectInstance]:
         """Return an effect with one magnitude at a typical size and the others at null, by the magnitude's name."""
         kind = effect(name)
-        rest = {k: p.null for k, p in kind.params.items() if not p.shape}
+        nulls = {k: p.null for k, p in kind.params.items() if not p.shape}
         sizes = {k: p.start for k, p in kind.params.items() if not p.shape and p.start != p.null}
-        return {k: EffectInstance.of(name, where, **{**rest, k: v}) for k, v in sizes.items()}
+        return {k: EffectInstance.of(name, where, **{**nulls, k: v}) for k, v in sizes.items()}
 
     def _start(self, name: str, where: str) -> EffectInstance:
         """Return the start of an effect's fit: a typical size."""

@@ -61,8 +61,8 @@ def _useless_members(search: Searching, state: State, n_fixed: int) -> list[int]
             if k in gone:
                 continue
             out = [i for i, a in enumerate(fit.space.axes) if a.index in {*gone, k}]
-            _, residual, rest = reduced(fit, out, null)
-            loss = search.cross.loss(residual, rest)
+            _, residual, columns = reduced(fit, out, null)
+            loss = search.cross.loss(residual, columns)
             gain = search.cross.judge.gain(loss, best)
             tried.append((gain.z, k, loss, gain))
         z, k, loss, gain = min(tried, key=lambda t: t[0])
@@ -84,10 +84,10 @@ def _least_needed(search: Searching, state: State, n_fixed: int) -> list[int]:
     worlds, crossed = [], []
     for k in places:
         out = [i for i, a in enumerate(fit.space.axes) if a.index == k]
-        u, residual, rest = reduced(fit, out, null)
+        u, residual, columns = reduced(fit, out, null)
         placed = state.world.effects[k]
         worlds.append(fit.space.at(u).without(placed.effect, placed.where))
-        crossed.append(search.cross.loss(residual, rest))
+        crossed.append(search.cross.loss(residual, columns))
     losses = search.judge.losses(worlds)
     gains = [
         search.judge.gain(loss, state.loss, (cross, state.cross)) for loss, cross in zip(losses, crossed, strict=True)

@@ -69,8 +69,8 @@ class Search(Loop, Shown, Proposals):
     def ways(self, state: State, n_fixed: int) -> Sequence[Callable[[State, int], bool]]:
         """Return the moves: adding an effect and revisions, if worth it; then exchanges, and rivals as replacements."""
         revise = partial(refined, self), partial(remove_aliases, self), partial(gathered, self)
-        more = (self.advance, *revise) if self.worth_it(state, n_fixed) else ()
-        return (*more, self._exchange, self._replace)
+        moves = (self.advance, *revise) if self.worth_it(state, n_fixed) else ()
+        return (*moves, self._exchange, self._replace)
 
     def _exchange(self, state: State, n_fixed: int) -> bool:
         """Exchange accepted effects for others if both fitted and held-out error fall; return whether they did.

@@ -109,9 +109,9 @@ def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], erro
     for _ in range(RULES.several_rounds):
         moved = False
         for k in list(chosen):
-            rest = [c for c in chosen if c != k]
-            without = dictionary.crossed([*fixed, *rest])
-            candidate = _best(dictionary, fixed, rest, without)
+            others = [c for c in chosen if c != k]
+            without = dictionary.crossed([*fixed, *others])
+            candidate = _best(dictionary, fixed, others, without)
             if candidate is None or dictionary.entries[candidate[1]].key == dictionary.entries[k].key:
                 continue
             other = dictionary.entries[candidate[1]].placed
@@ -129,9 +129,9 @@ def _lighter(dictionary: Dictionary, fixed: list[int], chosen: list[int], error:
     At least one stays.
     """
     for k in list(chosen):
-        rest = [c for c in chosen if c != k]
-        without = dictionary.crossed([*fixed, *rest])
-        if rest and without < (1 + RULES.several_least / 2) * error:
+        others = [c for c in chosen if c != k]
+        without = dictionary.crossed([*fixed, *others])
+        if others and without < (1 + RULES.several_least / 2) * error:
             chosen.remove(k)
             error = without
     return error

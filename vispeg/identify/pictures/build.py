@@ -40,8 +40,8 @@ def seeing(scene: Scene, groups: Groups, world: World) -> tuple[tuple[list[Sight
     Returns:
         The groups without those cameras, and a message about each camera left out.
     """
-    every = [s for group in groups for s in group]
-    cameras, notes, blind = list({s.camera.name: s.camera for s in every}.values()), [], set()
+    sights = [s for group in groups for s in group]
+    cameras, notes, blind = list({s.camera.name: s.camera for s in sights}.values()), [], set()
     if not cameras:
         return tuple([] for _ in groups), []
     with Predictor(scene, cameras) as predictor:

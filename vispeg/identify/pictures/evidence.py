@@ -180,8 +180,8 @@ class BorderEvidence(Evidence):
 
     def steadied(self, world: World) -> list[np.ndarray]:
         """Return `misplaced` minus the effect of the most likely joint errors in each frame, (n,) px for each item."""
-        every = zip(self.items, self.misplaced(world), self.postures(world), self._arms, strict=True)
-        return [away - np.sum(arm.slopes * posture[item.points.frame], axis=1) for item, away, posture, arm in every]
+        rows = zip(self.items, self.misplaced(world), self.postures(world), self._arms, strict=True)
+        return [away - np.sum(arm.slopes * posture[item.points.frame], axis=1) for item, away, posture, arm in rows]
 
     @property
     def floor(self) -> float:

@@ -101,8 +101,8 @@ def likelihoods(parts: Sequence[Columns], sizes: Sequence[tuple[float, float]]) 
     """Return the restricted log likelihood of each (robot, field) from cross products of columns; C^-1: `nuisance`."""
     products = []
     for c in parts:
-        every = np.column_stack([c.common, c.joints, c.field, c.fixed, c.readings])
-        products.append((every.T @ every, [x.shape[1] for x in (c.common, c.joints, c.field)]))
+        columns = np.column_stack([c.common, c.joints, c.field, c.fixed, c.readings])
+        products.append((columns.T @ columns, [x.shape[1] for x in (c.common, c.joints, c.field)]))
     return [_likelihood(products, *size) for size in sizes]
 
 
@@ -117,9 +117,9 @@ def _likelihood(products: Sequence[tuple[np.ndarray, list[int]]], robot: float, 
         size, k = np.repeat([1.0, robot, field], counts), sum(counts)
         half = linalg.cholesky(size[:, None] * square[:k, :k] * size + np.eye(k), lower=True)
         taken = linalg.solve_triangular(half, size[:, None] * square[:k, k:], lower=True)
-        rest = square[k:, k:] - taken.T @ taken  # cross products of fixed effects and readings, whitened
-        information, along = information + rest[:-1, :-1], along + rest[:-1, -1]
-        total += float(rest[-1, -1] + 2 * np.log(np.diag(half)).sum())
+        whitened = square[k:, k:] - taken.T @ taken  # cross products of fixed effects and readings, whitened
+        information, along = information + whitened[:-1, :-1], along + whitened[:-1, -1]
+        total += float(whitened[-1, -1] + 2 * np.log(np.diag(half)).sum())
     information = information + np.eye(len(information)) / PRIOR**2
     total -= float(along @ np.linalg.solve(information, along))
     return -0.5 * (total + np.linalg.slogdet(information)[1])

@@ -186,15 +186,15 @@ class SensorEvidence(Evidence):
 
     def depth_error(self, world: World) -> float:
         """Return the RMS depth error over frames and distance bins, mm; only for figures of depth."""
-        rows, every = self._errors, zip(self.items, self.misplaced(world), strict=True)
-        off = [m[:, rows] * i.each[rows] for i, m in every]
+        rows, pairs = self._errors, zip(self.items, self.misplaced(world), strict=True)
+        off = [m[:, rows] * i.each[rows] for i, m in pairs]
         return 1e3 * float(np.sqrt(np.nanmean(np.concatenate([o.ravel() for o in off]) ** 2)))
 
     @property
     def depth_floor(self) -> float:
         """RMS scatter of the depth errors between frames, mm."""
-        seen = [i.each[self._errors][np.isfinite(i.figures.measured[:, self._errors]).any(0)] for i in self.items]
-        return 1e3 * float(np.sqrt(np.mean(np.concatenate(seen) ** 2)))
+        scatter = [i.each[self._errors][np.isfinite(i.figures.measured[:, self._errors]).any(0)] for i in self.items]
+        return 1e3 * float(np.sqrt(np.mean(np.concatenate(scatter) ** 2)))
 
     @property
     def _errors(self) -> np.ndarray:
