@@ -483,11 +483,10 @@ def _fitted(side: _Side, placed: Sequence[EffectInstance], weight: np.ndarray) -
 
 
 def _sums(side: _Side, variants: Sequence[EffectInstance], lead: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return X'X (nj, k, k), X'y (nj, k) and y'y (nj,) of the effects' columns, (N m)^2, summed recording by recording
-    to save memory.
+    """Return X'X (nj, k, k), X'y (nj, k) and y'y (nj,) of the effects' columns, (N m)^2.
 
-    `lead` has an entry for each variant: -1 for a magnitude; for a moment the index of the unshifted variant, whose
-    column is subtracted.
+    They are summed recording by recording, to save memory. `lead` has an entry for each variant: -1 for a magnitude;
+    for a moment the index of the unshifted variant, whose column is subtracted.
     """
     nj, k = side.y.shape[1], len(variants)
     gram, slope, total = np.zeros((nj, k, k)), np.zeros((nj, k)), np.zeros(nj)

@@ -226,8 +226,9 @@ class Likely(Place):
 
 
 class LeftTorque(TypedDict):
-    """RMS torque missing in one joint of the held-out recordings, N m: `before` with the user's model, `after` with the
-    proposed effects, and due to `noise` alone.
+    """RMS torque missing in one joint of the held-out recordings, N m.
+
+    It is `before` with the user's model, `after` with the proposed effects, and `noise` due to noise alone.
     """
 
     joint: str

@@ -42,10 +42,10 @@ class Contact:
 
 
 def contact_of(rec: Recording, robot: RobotModel) -> Contact | None:
-    """Return the contact of a recorded arm; None if there was none, or if its wrist wrench `ft` is missing.
+    """Return the contact of a recorded arm; None if there was none, or none is known.
 
-    None too if `wrench`, which says how `ft` is to be read, is missing. `robot` is the nominal arm with its declared
-    tool.
+    It is known from the wrist wrench `ft` and from `wrench`, which says how that is to be read. `robot` is the nominal
+    arm with its declared tool.
     """
     contact = (
         touch(rec, robot, Thresholds(touch=RULES.touch_light))

@@ -254,7 +254,7 @@ def room_of(
     """Return the bounds of motions within `share` of the limits around the posture `centre`.
 
     By default a seven-axis arm moves around a posture clear of the table if its limits allow that one, any other robot
-    around the middle of its ranges.
+    around the middle of its ranges. Joints without limits get half a turn to either side, and 2 rad/s.
     """
     nj, limits = len(robot.joints), np.asarray(robot.range, float)
     count, said = duration * rate_hz, f"{duration:g} s at {rate_hz:g} Hz"

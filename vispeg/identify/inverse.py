@@ -220,7 +220,8 @@ def _items(rec: Recording, sigma: np.ndarray, contact: Contact | None) -> list[I
     long = long_runs(rec)
     if not long:
         raise UserError(f"too short to compare: every episode lasts under {2 * ENDS:g} s", file=rec.path)
-    items = [item for run in long if (item := _item(rec, rec.tau, run, sigma, free)).valid.any()]
+    items = [_item(rec, rec.tau, run, sigma, free) for run in long]
+    items = [item for item in items if item.valid.any()]
     if not items and contact is not None:
         raise UserError(ALWAYS, file=rec.path, expected="a second or more in free air")
     if not items:

@@ -27,7 +27,7 @@ class Axis:
 
     @property
     def unit(self) -> float:
-        """Length of one optimizer unit: a typical size of the parameter (1 on a log scale)."""
+        """Length of one optimizer unit: 1 on a log scale, else a typical size, or a twentieth of a shape's range."""
         if self.param.scale == "log":
             return 1.0
         size = abs(self.param.start - self.param.null) if not self.param.shape else 0.0

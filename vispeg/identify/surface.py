@@ -35,7 +35,7 @@ def cost(evidence: Restarts, worlds: Sequence[World]) -> np.ndarray:
     return np.stack([np.bincount(blocks, r * r) for r in evidence.residuals(worlds)])
 
 
-def coordinates(space: Space, u: np.ndarray) -> np.ndarray:
+def _step_sizes(space: Space, u: np.ndarray) -> np.ndarray:
     """Return for each coordinate at `u` the size of one step: 1, or the coordinate's own size.
 
     The latter is for scales (parameters whose null is not 0) on a linear axis, which thus change by a share of
@@ -64,7 +64,7 @@ def line_job(
         u, (low, high) = space.start if ended is None else np.array(ended[0], float), space.bounds
         for span in spans if ended is None else ():
             for axis in reversed(range(len(u))):
-                reach = span * coordinates(space, u)[axis]
+                reach = span * _step_sizes(space, u)[axis]
                 x = np.unique(np.clip(u[axis] + reach * LINE, low[axis], high[axis]))
                 points = np.repeat(u[None], len(x), axis=0)
                 points[:, axis] = x
@@ -82,7 +82,7 @@ def with_intervals(evidence: Restarts, world: World, free: Sequence[int], rng: n
     as the intervals. It ends when the minimum is inside a box narrower than the first, or after the last surface.
     """
     first = Space(world, free)
-    box = BOX * coordinates(first, first.start)
+    box = BOX * _step_sizes(first, first.start)
     if not len(box):
         return world
     for number in range(MOVES + 2):
@@ -92,11 +92,11 @@ def with_intervals(evidence: Restarts, world: World, free: Sequence[int], rng: n
         best, ends = _surface(evidence, space, box, rng)
         at, ends = (np.clip(u + box * x, low, high) for x in (best, ends))
         inside = bool(np.all(np.abs(best) < 1.0))
-        if last or (inside and np.all(box < BOX * coordinates(space, u))):
+        if last or (inside and np.all(box < BOX * _step_sizes(space, u))):
             break
         world = space.at(at)
         if inside:
-            box = np.clip(ends[1] - ends[0], NARROW * box, 0.99 * BOX * coordinates(space, u))
+            box = np.clip(ends[1] - ends[0], NARROW * box, 0.99 * BOX * _step_sizes(space, u))
     effects: list[EffectInstance] = list(world.effects)
     for j, axis in enumerate(space.axes):
         value, *span = (space.backward(float(x), axis) for x in (at[j], ends[0, j], ends[1, j]))

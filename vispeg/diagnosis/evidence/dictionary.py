@@ -31,6 +31,11 @@ class Entry:
         bounds: (2, k) of the coefficients.
         signature: of a candidate; None for an effect of the fit, whose coefficients are distances from null.
         index: of an effect of the fit, its index in the fit's world; None for a candidate.
+
+    Attributes:
+        key: (effect, where).
+        size: number of its parameters.
+        straight: whether the effect is proportional to its magnitudes (`Effect.straight`).
     """
 
     def __init__(

@@ -29,7 +29,8 @@ def gridded(world: World, recordings: Sequence[Recording]) -> tuple[EffectInstan
     steps that leave all readings on the grid (`RULES.grid_off`).
     """
     joints = recordings[0].joints
-    moved = {j: m for j in range(len(joints)) if (m := [r for r in recordings if moves(r.q[:, j])])}
+    moved = {j: [r for r in recordings if moves(r.q[:, j])] for j in range(len(joints))}
+    moved = {j: recorded for j, recorded in moved.items() if recorded}
     steps = {j: common_step(m, j) for j, m in moved.items()}
     known = [s for s in steps.values() if s]
     shared = float(np.median(known)) if known else 0.0  # the step of all joints, if they are alike

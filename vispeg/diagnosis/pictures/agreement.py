@@ -21,11 +21,10 @@ from vispeg.worlds.world import World
 
 @dataclass(frozen=True)
 class Agreement:
-    """Change of the held-out images due to an effect fitted to the first recording, and its difference to the second,
-    RMS px.
+    """How an effect changes the held-out images, fitted to two recordings, RMS px.
 
     Attributes:
-        size: change due to the effect, all else refitted.
+        size: change due to the effect as fitted to the first recording, all else refitted.
         apart: difference between the changes fitted to the two recordings.
     """
 

@@ -30,7 +30,7 @@ class Halves:
 
     difference: float
     uncertainty: float
-    views: int = 1000
+    views: int = 1000  # so many that the uncertainty counts as exact
 
     @property
     def disagree(self) -> bool:

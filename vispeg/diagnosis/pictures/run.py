@@ -111,8 +111,8 @@ def diagnose_pictures(
         drawn = shown_pictures(predictor, theirs, world, final, judged, seed)
     maps = projections(judged.geometry, world, final, state.fit)
     rungs, floor = ladder(evidence, judged, state, world), _floor(evidence, judged)
-    of = "borders"
-    if not n_added and (found := [s for s in sensed if s.added]):
+    of, found = "borders", [s for s in sensed if s.added]
+    if not n_added and found:
         (rungs, floor), of = found[0].ladder(), found[0].kind
     excitations = [*border_excitations(search, state.world), *(x for s in sensed for x in s.excitations)]
     record: DiagnosisRecord = {

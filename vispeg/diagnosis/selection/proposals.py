@@ -45,7 +45,7 @@ class Proposals:
         self.cross = Cross(Judge(evidence))
         self._world, self._taken = "", {}  # the last world as text, and signatures relative to it, by probe
         self._whole: dict[str, dict[str, Signature]] = {}  # world -> its signatures, where the whole library has them
-        self._alone: dict[str, dict[tuple[str, str], Score | None]] = {}  # world -> scores of single places
+        self._alone: dict[str, dict[tuple[str, str], Score | None]] = {}  # world -> scores of places, None without gain
 
     def missing(self, world: World) -> list[MissingTorque]:
         """Return the missing torque of every fitted item under a world."""

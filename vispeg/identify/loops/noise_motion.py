@@ -99,7 +99,8 @@ def _begun(item: Item, world: World, draw: int) -> World:
             for e in world.effects
             if e.where in (joint, "all")
         ]
-        if width := max(steps, default=0.0):
+        width = max(steps, default=0.0)
+        if width:
             offset = zero + width * rng.uniform(-0.5, 0.5)
             # last, so that it counts beside one of all joints
             world = world.without("encoder_offset", joint).add(

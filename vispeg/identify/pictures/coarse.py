@@ -85,7 +85,10 @@ def _near(predictor: Predictor, sight: Sight, world: World, trials: Sequence[Wor
     It is `world` if the frames have neither depth nor colour, or the camera is predicted to see no border.
     """
     fields = _all_fields(sight)
-    if fields is None or not len((outline := _outline(predictor, sight, world, fields)).points.frame):
+    if fields is None:
+        return world
+    outline = _outline(predictor, sight, world, fields)
+    if not len(outline.points.frame):
         return world
     for reach, count in zip(REACHES, REFINED, strict=True):
         score = [float(outline.distances(predictor.geometry, w, reach).mean()) for w in trials]
