@@ -89,13 +89,13 @@ def moved_most(
     model, apart = geometry.model, list[tuple[str, float]]()
     for name in geometry.scene.things:
         if model.body_weldid[model.body(name).id] == 0:
-            one, two = (_standing(geometry, group, world, model.body(name).id) for group in (first, other))
+            one, two = (_displacement(geometry, group, world, model.body(name).id) for group in (first, other))
             if one is not None and two is not None:
                 apart.append((name, 1e3 * float(np.linalg.norm(np.subtract(one, two)))))
     return max(apart, key=lambda thing: thing[1], default=None)
 
 
-def _standing(
+def _displacement(
     geometry: Geometry, group: Sequence[tuple[Sight, Points]], world: World, body: int
 ) -> tuple[float, ...] | None:
     """Return a body's displacement (3,) m in its own frame; None if too few points show it."""
