@@ -7,8 +7,9 @@ import signal
 import subprocess
 from collections.abc import Mapping, Sequence
 
+# the last line of a traceback, such as `ImportError: MESSAGE`
 RAISED = re.compile(r"^(?:[A-Za-z_]\w*\.)*[A-Z]\w*(?:Error|Exception|Exit|Interrupt|Warning)\b:?\s*(.*)$")
-LONGEST = 160  # characters of a message
+LONGEST = 160  # greatest number of characters of a message
 # message of an exception (pattern) -> its meaning for a user
 MEANINGS = (
     (r"No module named '([\w-]+)'", r"\1 is not installed"),
@@ -59,14 +60,15 @@ def in_words(text: str) -> str:
 
 
 def meaning(message: str | BaseException) -> str:
-    """Translate an exception's message for users who do not know the code."""
-    said = " ".join(str(message).split())
+    """Return an exception's message in words for users who do not know the code, at most `LONGEST` characters."""
+    line = " ".join(str(message).split())
     for pattern, words in MEANINGS:
-        if match := re.fullmatch(pattern, said):
+        if match := re.fullmatch(pattern, line):
             return match.expand(words)[:LONGEST]
-    return said[:LONGEST] or "it ended without a message"
+    return line[:LONGEST] or "it ended without a message"
 
 
 def _last(text: str) -> str:
+    """Return the last line that is not empty, at most `LONGEST` characters; "" if there is none."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     return lines[-1][:LONGEST] if lines else ""

@@ -19,11 +19,11 @@ from vispeg.core.workers import THREADS
 Engine = Literal["local", "ray"]
 J = TypeVar("J")
 R = TypeVar("R")
-TRIES = 3  # number of workers that a job may kill before it is given up
+TRIES = 3  # a job that has lost this many workers is given up
 CONNECT = 10  # s, timeout of a connection
-CLUSTER = (
-    "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"  # on any system, decides whether other nodes may join; read by Ray's import
-)
+# Environment variable that Ray reads when it is imported. In spite of its name it decides on every system whether other
+# nodes may join.
+CLUSTER = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"
 
 
 def on_ray(
@@ -67,16 +67,16 @@ def cluster(workers: int) -> Iterator[Any]:
 def _tasks(
     ray: Any, work: Callable[[J], R], jobs: Sequence[J], workers: int, what: str, tasks: int | None
 ) -> Iterator[tuple[J, R]]:
-    do = ray.remote(num_cpus=1, max_retries=0, max_calls=tasks or 0)(_call)
+    call = ray.remote(num_cpus=1, max_retries=0, max_calls=tasks or 0)(_call)
     sent = ray.put(work)  # once for all jobs: it may hold recordings
-    remaining, waiting, deaths = list(range(len(jobs))), {}, [0] * len(jobs)
-    while remaining or waiting:
-        while remaining and len(waiting) < max(1, workers):
+    remaining, running, deaths = list(range(len(jobs))), {}, [0] * len(jobs)
+    while remaining or running:
+        while remaining and len(running) < max(1, workers):
             number = remaining.pop(0)
-            waiting[do.remote(sent, jobs[number])] = number
-        ready, _ = ray.wait(list(waiting), num_returns=1)
+            running[call.remote(sent, jobs[number])] = number
+        ready, _ = ray.wait(list(running), num_returns=1)
         for reference in ready:
-            number = waiting.pop(reference)
+            number = running.pop(reference)
             try:
                 result = ray.get(reference)
             except ray.exceptions.RayTaskError as error:
@@ -109,11 +109,11 @@ def _ray() -> Any:
 
 def _connect(ray: Any, workers: int) -> None:
     address = os.environ.get("RAY_ADDRESS")
-    environment = {"env_vars": dict.fromkeys(THREADS, "1") | _kept("MUJOCO_GL", "PYTHONPATH")}
+    environment = {"env_vars": dict.fromkeys(THREADS, "1") | _set_here("MUJOCO_GL", "PYTHONPATH")}
     quiet = {"log_to_driver": False, "logging_level": "error", "runtime_env": environment}
     try:
         if address:
-            _knock(address)
+            _check_listening(address)
             ray.init(address=address, **quiet)
         else:
             ray.init(num_cpus=max(1, workers), include_dashboard=False, **quiet)
@@ -122,12 +122,13 @@ def _connect(ray: Any, workers: int) -> None:
         raise UserError(f"the Ray cluster cannot be reached ({reason})", key="RAY_ADDRESS", got=address) from None
 
 
-def _knock(address: str) -> None:
+def _check_listening(address: str) -> None:
     """Raise OSError if nothing listens at HOST:PORT; Ray itself would try for ten minutes."""
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if host and port.isdigit():
         socket.create_connection((host.strip("[]"), int(port)), timeout=CONNECT).close()
 
 
-def _kept(*names: str) -> dict[str, str]:
+def _set_here(*names: str) -> dict[str, str]:
+    """Return those of these environment variables that are set in this process."""
     return {name: os.environ[name] for name in names if name in os.environ}

@@ -17,25 +17,25 @@ NO_TEMPORARY = "No usable temporary directory"  # in the message of `tempfile`; 
 
 
 def why(error: OSError) -> str:
-    """Return the reason of an error in words, in one line.
+    """Return the reason of an error in words, in one line: the system's own, with one exception.
 
-    It is the system's own, except where a file stands in the place of a folder of the path, for which the system says
-    only that a file exists, or that something is not a directory.
+    If a file stands in the place of a folder of the path, the system says only that a file exists, or that something is
+    not a directory.
     """
     if isinstance(error, FileExistsError | NotADirectoryError):
         return "a folder above it is a file"
-    if isinstance(error, shutil.Error):  # of copying a tree: [(from, to, message), ...], of which the first is told
-        said = str(error.args[0][0][-1])
-        number = re.match(r"\[Errno (\d+)\]", said)  # what follows the number names temporary files
-        return said if number is None else os.strerror(int(number[1]))
+    if isinstance(error, shutil.Error):  # of copying a tree: [(from, to, message), ...], of which the first is taken
+        message = str(error.args[0][0][-1])
+        number = re.match(r"\[Errno (\d+)\]", message)  # what follows the number names temporary files
+        return message if number is None else os.strerror(int(number[1]))
     return error.strerror or str(error)
 
 
 def refused(error: OSError) -> bool:
     """Return whether an error means that a place cannot be written.
 
-    So do a disk that is full, broken or read-only, a file above the size limit, missing permission, a folder that could
-    not be copied or moved, and a system without a usable temporary folder.
+    These are a disk that is full, broken or read-only, a file above the size limit, missing permission, a folder that
+    could not be copied or moved, and a system without a usable temporary folder.
     """
     if isinstance(error, PermissionError | shutil.Error) or error.errno in FULL:
         return True

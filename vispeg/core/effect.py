@@ -27,7 +27,8 @@ class Effect(ABC):
     """One physical or optical phenomenon. A subclass is one file; it registers itself under `name`.
 
     Every hook works on all simulations of a batch at once: `p[name]` has shape (nsim, ntarget), where a target is one
-    of `targets(model)` and simulations without the effect carry the null value. A hook that is not overridden is never
+    of `targets(model)` and simulations without the effect carry the null value. `x` is the batch at the present physics
+    step (`vispeg.sim.state.DriveState`), and `state` what `start` returned. A hook that is not overridden is never
     called. All arrays are SI and radians; joint arrays are (nsim, nj).
 
     Class attributes:
@@ -47,9 +48,11 @@ class Effect(ABC):
         posed: True if it is the pose of a part. Small errors of the arm's kinematics look like a change of that pose.
         remembers: True if it leaves a lasting change, so that a part of a recording alone does not show it.
         shown_by: contact motions (`vispeg record`) that excite it; empty for any.
-        told_from: effects with which it may be confused -> the motion that distinguishes them.
-        told_by: parameter -> the motion to use in place of that, if this parameter is the largest.
-        needs: what a contact recording must contain to excite it, a key of `extent.NEEDS`; empty for no check.
+        told_from: effects with which it may be confused -> the motion that distinguishes it from each.
+        told_by: parameter -> the motion that distinguishes it in place of those of `told_from`, if this parameter is
+            the largest.
+        needs: what a contact recording must contain to excite it, a key of `recordings.checks.extent.NEEDS`; empty for
+            no check.
         grows_from: simpler effects for which it may be mistaken -> {own parameter: parameter of that effect from whose
             value its fit starts}.
         contains: simpler effects that are special cases of this one; it competes with them only if clearly better.
@@ -97,7 +100,7 @@ class Effect(ABC):
             return
         REGISTRY.enrol(name, cls())
 
-    # Where ------------------------------------------------------------------------------------------------------
+    # Targets ----------------------------------------------------------------------------------------------------
     def targets(self, model: Any) -> list[str]:
         """List the names on which this effect can act in a RobotModel or Scene (default: every joint).
 
@@ -105,7 +108,7 @@ class Effect(ABC):
         """
         return list(model.joints)
 
-    # How --------------------------------------------------------------------------------------------------------
+    # Hooks ------------------------------------------------------------------------------------------------------
     def build(self, spec: Any, robot: Any) -> None:
         """Add elements that `write` needs to the MjSpec of `robot` (a Scene), without changing the nominal motion.
 
@@ -184,7 +187,7 @@ class Effect(ABC):
         return sigma
 
     def believe(self, goal: np.ndarray, p: Values) -> np.ndarray:
-        """Return the position (nsim, 3) m at which the task's goal is believed to be, for the true one; base frame."""
+        """Return the believed position of the task's goal for its true one, `goal`; both (nsim, 3) m, base frame."""
         return goal
 
     def image(self, state: Any, frame: Frame, p: Values, rng: Sequence[np.random.Generator]) -> None:
@@ -280,7 +283,7 @@ class Effect(ABC):
     @property
     def straight(self) -> bool:
         """Whether the effect is proportional to its magnitudes, so that it can be proposed by linear least squares."""
-        bent = any(p.scale == "log" or p.shape and not self.moments for p in self.params.values())
+        bent = any(p.scale == "log" or (p.shape and not self.moments) for p in self.params.values())
         return self.smooth and not self.torqueless and not bent
 
 
@@ -342,9 +345,9 @@ class EffectInstance:
         return f"{self.effect}({self.where})"
 
     def __repr__(self) -> str:
-        said = [", ".join(f"{name}={value.value!r}" for name, value in self.params.items())]
-        said += [word for word in ("partial", "tentative") if getattr(self, word)]
-        return f"{self.effect}({', '.join([self.where, *filter(None, said)])})"
+        parts = [self.where, *(f"{name}={value.value!r}" for name, value in self.params.items())]
+        parts += [mark for mark in ("partial", "tentative") if getattr(self, mark)]
+        return f"{self.effect}({', '.join(parts)})"
 
     def with_values(self, **values: float) -> EffectInstance:
         """Return a copy with other values; their intervals are dropped."""

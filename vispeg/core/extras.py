@@ -41,7 +41,7 @@ def missing(module: str, what: str = "this", **where: str) -> UserError:
 
 
 def lacks(error: ImportError) -> str | None:
-    """Return the module of an extra whose absence made an import fail; None if it failed for another reason."""
+    """Return the module of an extra whose absence made an import fail with `error`; None for any other reason."""
     root = (error.name or "").partition(".")[0]
     return root if any(root in modules for modules in EXTRAS.values()) and not there(root) else None
 

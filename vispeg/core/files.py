@@ -59,7 +59,7 @@ def new_folder(
         except OSError as error:
             raise UserError(f"cannot be written: {why(error)}", file=path) from error
         try:
-            with _terminable(), _held(part):
+            with _terminable(), _locked(part):
                 yield part
                 if holds is not None:
                     mark(part, holds)
@@ -116,19 +116,22 @@ def recover(target: Path) -> None:
     """Restore the content of `target` if a process was killed while it replaced it, and remove leftovers."""
     if not target.parent.is_dir():
         return
-    aside = _siblings(target, "old")
+    set_aside = _siblings(target, "old")
     with suppress(OSError):
-        if aside and not target.exists():
-            os.replace(aside.pop(), target)
-        for old in aside:
+        if set_aside and not target.exists():
+            os.replace(set_aside.pop(), target)  # the newest
+        for old in set_aside:
             shutil.rmtree(old, ignore_errors=True)
 
 
 def remove_abandoned(target: Path) -> None:
     """Remove the temporary siblings of `target` (named `.NAME.8 hex digits.part`) that no process has locked."""
     for part in _siblings(target, "part"):
-        with suppress(OSError), _held(part, surely=True):  # kept if another process locks it, or without locks
-            shutil.rmtree(part, ignore_errors=True) if part.is_dir() else part.unlink()
+        with suppress(OSError), _locked(part, required=True):  # kept if another process locks it, or without locks
+            if part.is_dir():
+                shutil.rmtree(part, ignore_errors=True)
+            else:
+                part.unlink()
 
 
 def write_text_atomic(path: str | Path, text: str, *, overwrite: bool = False) -> Path:
@@ -175,11 +178,11 @@ def _write(files: Mapping[Path, bytes]) -> None:
     Raises:
         UserError: one of them cannot be written.
     """
-    parts: dict[Path, tuple[Path, Path]] = {}
-    new: list[Path] = []
+    parts: dict[Path, tuple[Path, Path]] = {}  # temporary file -> (path as the caller named it, its resolved form)
+    new: list[Path] = []  # folders to create, the deepest first
     path = Path()
     try:
-        with ExitStack() as held:
+        with ExitStack() as locks:
             for path, data in files.items():
                 target = path.expanduser().resolve()
                 new = [folder for folder in target.parents if not folder.exists()] + new
@@ -188,7 +191,7 @@ def _write(files: Mapping[Path, bytes]) -> None:
                 part = _sibling(target)
                 parts[part] = path, target
                 part.touch()
-                held.enter_context(_held(part))
+                locks.enter_context(_locked(part))
                 part.write_bytes(data)
             for part in parts:
                 path, target = parts[part]  # `path` is named by an error below
@@ -206,7 +209,7 @@ def _write(files: Mapping[Path, bytes]) -> None:
 
 
 def remove_unfinished(file: Path) -> None:
-    """Remove the record of work in progress that is now finished, and its folder if that is empty."""
+    """Remove the file that recorded unfinished work, once the work is done, and its folder if that is then empty."""
     file.unlink(missing_ok=True)
     if file.parent.is_dir():
         remove_abandoned(file)
@@ -215,18 +218,18 @@ def remove_unfinished(file: Path) -> None:
 
 
 @contextmanager
-def _held(part: Path, surely: bool = False) -> Iterator[None]:
-    """Lock a temporary sibling during the body. The lock always ends with the process.
+def _locked(part: Path, required: bool = False) -> Iterator[None]:
+    """Lock a temporary sibling during the body, if possible. The lock always ends with the process.
 
     Raises:
-        OSError: `surely` is set, and another process has the lock or the file system has no locks.
+        OSError: `required` is True, and another process has the lock or the file system has no locks.
     """
     handle = os.open(part, os.O_RDONLY)
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            if surely:
+            if required:
                 raise
         yield
     finally:
@@ -236,8 +239,8 @@ def _held(part: Path, surely: bool = False) -> Iterator[None]:
 @contextmanager
 def _terminable() -> Iterator[None]:
     """Let SIGTERM unwind the stack (exit code 143), like an interrupt, unless the program has its own handler."""
-    ours = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
-    if not ours:
+    in_main = threading.current_thread() is threading.main_thread()  # no other thread may set handlers
+    if not in_main or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
         yield
         return
     owner = os.getpid()
@@ -260,8 +263,8 @@ def _sibling(target: Path, end: str = "part") -> Path:
 
 def _siblings(target: Path, end: str) -> list[Path]:
     """List the existing paths that `_sibling` named, oldest first."""
-    ours = re.compile(re.escape(f".{target.name}.") + rf"[0-9a-f]{{8}}\.{end}")
-    matches = [p for p in target.parent.iterdir() if ours.fullmatch(p.name) and not p.is_symlink()]
+    pattern = re.compile(re.escape(f".{target.name}.") + rf"[0-9a-f]{{8}}\.{end}")
+    matches = [p for p in target.parent.iterdir() if pattern.fullmatch(p.name) and not p.is_symlink()]
     aged = []
     for path in matches:
         with suppress(OSError):  # another process may have just removed it

@@ -18,9 +18,9 @@ def holm(p: Sequence[float], weights: Sequence[float] | None = None) -> list[flo
     """
     each = np.ones(len(p)) if weights is None else np.asarray(weights, float)
     scaled = np.asarray(p, float) / each
-    order, adjusted, worst, left = np.argsort(scaled, kind="stable"), [0.0] * len(p), 0.0, float(each.sum())
-    for index in order:
-        worst = max(worst, min(1.0, left * float(scaled[index])))
-        adjusted[int(index)] = worst
-        left -= float(each[index])
+    adjusted, largest, remaining = [0.0] * len(p), 0.0, float(each.sum())
+    for index in np.argsort(scaled, kind="stable"):
+        largest = max(largest, min(1.0, remaining * float(scaled[index])))
+        adjusted[int(index)] = largest
+        remaining -= float(each[index])
     return adjusted

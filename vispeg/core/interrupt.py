@@ -19,7 +19,7 @@ class Interrupted(KeyboardInterrupt):
         self.more, self.instead = tuple(more), tuple(instead)
 
     def again(self, argv: Sequence[str]) -> list[str]:
-        """Return the program's arguments that resume the work that `argv` began."""
+        """Return the program's arguments that resume the work that the arguments `argv` began."""
         return [*self.instead] or [*argv, *(word for word in self.more if word not in argv)]
 
 

@@ -40,25 +40,25 @@ def undistort(xy: np.ndarray, coefficients: Sequence[float]) -> np.ndarray:
             error = distort(ideal, coefficients) - target
             (a, b), (c, d) = _jacobian(ideal, coefficients)
             det = a * d - b * c
-            ideal -= (
-                np.stack([d * error[..., 0] - b * error[..., 1], a * error[..., 1] - c * error[..., 0]], -1)
-                / (det[..., None])
-            )
+            step = np.stack([d * error[..., 0] - b * error[..., 1], a * error[..., 1] - c * error[..., 0]], -1)
+            ideal -= step / det[..., None]
             if not (np.abs(error) > TOLERANCE * 1e-3).any():  # False for NaN, of points that diverged
                 break
         (a, b), (c, d) = _jacobian(ideal, coefficients)
-        wrong = ~(np.abs(distort(ideal, coefficients) - target).max(-1) < TOLERANCE) | ~(a * d - b * c > 0) | ~(a > 0)
+        error = np.abs(distort(ideal, coefficients) - target).max(-1)
+        wrong = ~(error < TOLERANCE) | ~(a * d - b * c > 0) | ~(a > 0)  # negated comparisons also catch NaN
     ideal[wrong] = np.nan
     return ideal
 
 
 def _jacobian(xy: np.ndarray, coefficients: Sequence[float]) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+    """Return ((dx'/dx, dx'/dy), (dy'/dx, dy'/dy)) at points (..., 2), each (...)."""
     k1, k2, p1, p2, k3 = coefficients
     x, y = xy[..., 0], xy[..., 1]
     r2 = x * x + y * y
-    radial, slope = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 2 * (k1 + r2 * (2 * k2 + 3 * r2 * k3))
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = 2 * (k1 + r2 * (2 * k2 + 3 * r2 * k3))  # d radial / dx = slope x
     cross = x * y * slope + 2 * p1 * x + 2 * p2 * y
-    return (radial + x * x * slope + 2 * p1 * y + 6 * p2 * x, cross), (
-        cross,
-        radial + y * y * slope + 6 * p1 * y + 2 * p2 * x,
-    )
+    along_x = radial + x * x * slope + 2 * p1 * y + 6 * p2 * x
+    along_y = radial + y * y * slope + 6 * p1 * y + 2 * p2 * x
+    return (along_x, cross), (cross, along_y)

@@ -19,8 +19,8 @@ from vispeg.core.disk import why
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import command_line
 
-LOCK = ".lock"  # in the result, if the folder above is not writable
-_MINE: set[Path] = set()  # results that this process has locked, so that it may claim them again
+LOCK = ".lock"  # name of the lock's file if it is in the result, because the folder above is not writable
+_MINE: set[Path] = set()  # results that this process has locked; it may claim them again
 
 
 @contextmanager
@@ -58,6 +58,7 @@ def claimed(out: str | Path) -> Iterator[None]:
 
 
 def _place(target: Path) -> Path:
+    """Return the path of a result's lock."""
     beside = target.parent
     while not beside.exists():
         beside = beside.parent
@@ -90,6 +91,7 @@ def _open(path: Path) -> int | None:
 
 
 def _holder(path: Path) -> str:
+    """Say which process has the lock, as its file states it."""
     try:
         who = json.loads(path.read_text(encoding="utf-8"))
         here = "" if who["host"] == socket.gethostname() else f" on {who['host']}"

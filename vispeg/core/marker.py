@@ -48,15 +48,15 @@ def holds(folder: Path) -> str | None:
     return None if record is None else record["holds"]
 
 
-def refuse_foreign(folder: Path, holds: str, said: str | Path | None = None) -> None:
+def refuse_foreign(folder: Path, holds: str, named: str | Path | None = None) -> None:
     """Raise UserError unless everything in `folder` was written by this program, as a result of one kind.
 
     Args:
         folder: to be replaced.
         holds: kind of the new result, as for `mark`.
-        said: the folder as the user named it, for the error.
+        named: the folder as the user named it, for the error; None for `folder`.
     """
-    file, record = said or folder, _marker(folder)
+    file, record = named or folder, _marker(folder)
     if record is None:
         raise UserError(
             f"has no {MARKER} (this program did not write it, or an old version did), {ELSEWHERE}", file=file
@@ -89,6 +89,7 @@ def apart(out: str | Path, inputs: Iterable[str | Path | None]) -> None:
 
 
 def _same(path: Path, out: str | Path) -> bool:
+    """Return whether two paths lead to the same existing file or folder."""
     try:
         return os.path.samefile(path, Path(out).expanduser())
     except OSError:  # one of them does not exist
@@ -96,6 +97,7 @@ def _same(path: Path, out: str | Path) -> bool:
 
 
 def _marker(folder: Path) -> dict | None:
+    """Return the content of a folder's marker; None without a valid one."""
     try:
         data = json.loads((folder / MARKER).read_text(encoding="utf-8", errors="surrogateescape"))
         valid = data["format"] == FORMAT and isinstance(data["holds"], str) and isinstance(data["files"], list)

@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 MIB, GIB = 2**20, 2**30
-LARGE = MIB  # size from which an array is allocated apart
+LARGE = MIB  # bytes, size from which an array is allocated in pages of its own
 M_MMAP_THRESHOLD = -3  # malloc.h
 
 
@@ -30,7 +30,8 @@ def large_apart() -> None:
 def available(root: Path = Path("/")) -> int | None:
     """Return the bytes that this process may still take without swapping.
 
-    This is the least of the machine's available memory and the memory left in each control group of the process.
+    This is the least of the machine's available memory and the memory left in each control group (cgroup, version 1 or
+    2) of the process.
 
     Args:
         root: folder in which `proc` and `sys` are.
@@ -45,7 +46,7 @@ def available(root: Path = Path("/")) -> int | None:
     with suppress(OSError):
         for line in (root / "proc/self/cgroup").read_text().splitlines():
             number, kinds, place = line.split(":", 2)
-            if number == "0":
+            if number == "0":  # version 2
                 free += _left(root / "sys/fs/cgroup", place, "memory.max", "memory.current", "inactive_file")
             elif "memory" in kinds.split(","):
                 names = "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"
@@ -57,6 +58,12 @@ def _left(mount: Path, place: str, limit: str, used: str, cache: str) -> list[in
     """Return the memory left in a control group and in each of its parents, bytes; groups without a limit are left out.
 
     A container sees its own group at the mount point.
+
+    Args:
+        mount: mount point of the groups.
+        place: the group's path, as `proc/self/cgroup` states it.
+        limit, used: names of the files with the group's limit and its present use.
+        cache: key in `memory.stat` of the part of that use that is cached files.
     """
     group, left = mount / place.lstrip("/"), []
     for folder in [group, *(p for p in group.parents if p == mount or mount in p.parents)]:

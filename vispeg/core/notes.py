@@ -5,8 +5,8 @@ from __future__ import annotations
 import warnings
 
 # Works like the warning registry of a module: by default the same note is shown once.
-_said: dict[str | tuple[str, type[Warning], int], int] = {}
-_others = warnings.formatwarning
+_shown: dict[str | tuple[str, type[Warning], int], int] = {}
+_standard_format = warnings.formatwarning
 
 
 class Note(UserWarning):
@@ -15,7 +15,7 @@ class Note(UserWarning):
 
 def note(text: str) -> None:
     """Show a note to the user, unless the same one has been shown before."""
-    warnings.warn_explicit(text, Note, "vispeg", 0, module="vispeg", registry=_said)
+    warnings.warn_explicit(text, Note, "vispeg", 0, module="vispeg", registry=_shown)
 
 
 def line(text: object) -> str:
@@ -27,7 +27,9 @@ def _formatted(
     message: Warning | str, category: type[Warning], filename: str, lineno: int, source: str | None = None
 ) -> str:
     """Format a note without its place in the source code, which does not help a user; other warnings as usual."""
-    return f"{line(message)}\n" if issubclass(category, Note) else _others(message, category, filename, lineno, source)
+    if issubclass(category, Note):
+        return f"{line(message)}\n"
+    return _standard_format(message, category, filename, lineno, source)
 
 
 warnings.formatwarning = _formatted

@@ -20,7 +20,7 @@ PACKAGES = ("mujoco", "numpy", "scipy", "cma")  # packages on which numerical re
 
 
 class Provenance(TypedDict):
-    """What is needed to repeat a result; see `provenance`."""
+    """The data needed to repeat a result; see `provenance`."""
 
     command: str
     seed: int | None
@@ -29,7 +29,7 @@ class Provenance(TypedDict):
 
 
 def provenance(argv: Sequence[str], seed: int | None, inputs: Iterable[str | Path] = ()) -> Provenance:
-    """Return what is needed to repeat a result, ready for JSON.
+    """Return the data needed to repeat a result, ready for JSON.
 
     Args:
         argv: the command line as a list, program first; stored as a user would type it (`command_line`).
@@ -56,6 +56,7 @@ def here(seed: int | None, digests: Mapping[str, str]) -> Provenance:
 
 
 def _stamp(argv: Sequence[str], seed: int | None, digests: Mapping[str, str]) -> Provenance:
+    """Add versions to a command line, a seed and the inputs' digests. A plug-in's version is its file's digest."""
     versions: dict[str, str | None] = {"vispeg": __version__, "python": platform.python_version()}
     versions |= {name: version_of(name) for name in PACKAGES} | {name: _content(name) for name in plugins()}
     inputs = dict(sorted(digests.items()))

@@ -13,29 +13,29 @@ from typing import TypeVar
 from vispeg.core.errors import UserError
 
 Item = TypeVar("Item")
-PLUGINS = "VISPEG_PLUGINS"  # environment variable: modules of a user's own, separated by commas
+PLUGINS = "VISPEG_PLUGINS"  # environment variable with the user's modules to import, separated by commas
 
 
 class Registry(MutableMapping[str, Item]):
-    """Items by name. What is not there yet is looked for in the packages `rooms`, which are then imported.
+    """Items by name. If a name is not there yet, `packages` and the user's plug-ins are imported first.
 
     Args:
         what: noun for an item in error messages.
-        rooms: packages of this project whose import registers its items.
+        packages: packages of this project whose import registers its items.
     """
 
-    def __init__(self, what: str, *rooms: str) -> None:
-        self.what, self.rooms = what, rooms
+    def __init__(self, what: str, *packages: str) -> None:
+        self.what, self.packages = what, packages
         self._items: dict[str, Item] = {}
 
     def enrol(self, name: str, item: Item) -> None:
-        """Register an item under its name. It replaces an item of the same class, for example of a reloaded module.
+        """Register an item under its name. It replaces an item whose class has the same name, as a reload makes it.
 
         Raises:
-            UserError: another class has that name.
+            UserError: an item of another class has that name.
         """
         kind = type(item)
-        if not kind.__module__.startswith(self.rooms):
+        if not kind.__module__.startswith(self.packages):
             self._load()  # load this project's items first, so that a user's item with such a name is refused here
         if type(self._items.get(name, item)).__qualname__ != kind.__qualname__:
             raise UserError(
@@ -44,8 +44,8 @@ class Registry(MutableMapping[str, Item]):
         self._items[name] = item
 
     def _load(self) -> None:
-        for room in self.rooms:
-            import_module(room)  # does nothing if it is loaded, or is just being loaded
+        for package in self.packages:
+            import_module(package)  # does nothing if it is loaded, or is just being loaded
         load_plugins()
 
     def __getitem__(self, name: str) -> Item:

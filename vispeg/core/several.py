@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 def several(given: T | Iterable[T]) -> list[T]:
-    """Return the argument as a list. A text, a path and everything that is not iterable counts as one thing."""
+    """Return the argument as a list. A text, a path or anything that is not iterable becomes its only element."""
     if isinstance(given, str | os.PathLike) or not isinstance(given, Iterable):
         return [given]  # type: ignore[list-item]  # a text is an Iterable to a type checker
     return [*given]
@@ -22,7 +22,7 @@ def single(given: T | Iterable[T], key: str) -> T:
     """Return the argument, or the only element if it is a list of one.
 
     Raises:
-        UserError: a list of none or several; it names `key`.
+        UserError: an empty list, or more than one element; it names `key`.
     """
     listed = several(given)
     if len(listed) != 1:

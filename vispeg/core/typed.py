@@ -28,7 +28,7 @@ def checked(kind: type, values: Mapping[str, Any], file: str | None, at: str) ->
             raise UserError("unknown key", file=file, key=f"{at}{key}", got=key, choices=hints)
         out[key] = tuple(value) if isinstance(value, list) else value
         if not _fits(out[key], hints[key]):
-            raise UserError("wrong type", file=file, key=f"{at}{key}", expected=_said(hints[key]), got=value)
+            raise UserError("wrong type", file=file, key=f"{at}{key}", expected=_in_words(hints[key]), got=value)
     return out
 
 
@@ -39,18 +39,21 @@ def _hints(kind: type) -> dict[str, Any]:
 
 
 def _fits(value: Any, hint: Any) -> bool:
-    """Return whether a value fits a field's annotation; an int fits a float, a bool fits neither number nor text."""
+    """Return whether a value fits a field's annotation; an int fits a float, a bool fits neither number nor text.
+
+    The elements of a tuple must be of one type, such as `tuple[float, float]` or `tuple[float, ...]`.
+    """
     if get_origin(hint) is tuple:
         parts = get_args(hint)
-        length = isinstance(value, tuple) and (... in parts or len(value) == len(parts))
-        return length and all(_fits(x, parts[0]) for x in value)
+        has_length = isinstance(value, tuple) and (... in parts or len(value) == len(parts))
+        return has_length and all(_fits(x, parts[0]) for x in value)
     if hint not in WORDS:
         return True
     return isinstance(value, (int, float) if hint is float else hint) and not isinstance(value, bool)
 
 
-def _said(hint: Any) -> str:
-    """Return an annotation in words."""
+def _in_words(hint: Any) -> str:
+    """Return an annotation in words: `a number`, or `a list of 3 numbers`."""
     kind, *others = get_args(hint) or (hint,)
     noun = WORDS[kind]
     if not others:

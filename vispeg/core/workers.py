@@ -43,6 +43,8 @@ def pool_of(
 
 
 class _Pool(ProcessPoolExecutor):
+    """A pool whose processes an interrupt from the terminal does not reach."""
+
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Submit a job as the base class does; processes that it starts are shielded from interrupts."""
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # processes and threads inherit it
@@ -53,6 +55,7 @@ class _Pool(ProcessPoolExecutor):
 
 
 def _begin(initializer: Callable[..., None] | None, initargs: tuple[Any, ...]) -> None:
+    """Begin a worker process."""
     threading.Thread(target=end_with_parent, daemon=True).start()
     if initializer is not None:
         initializer(*initargs)
