@@ -34,9 +34,9 @@ class Background(SceneLook):
             for name in fields.scene.parts["wall"]:
                 g = fields.model.geom(name).id
                 quat = fields["geom_quat"][row, g]
-                turned, out = np.empty(4), np.empty(4)
-                mujoco.mju_mulQuat(turned, about_z, about_y)
-                mujoco.mju_mulQuat(out, turned, np.array(quat, float))
-                quat[:] = out
+                turn, after = np.empty(4), np.empty(4)
+                mujoco.mju_mulQuat(turn, about_z, about_y)
+                mujoco.mju_mulQuat(after, turn, np.array(quat, float))
+                quat[:] = after
                 fields["geom_pos"][row, g, 0] += distance
                 fields["geom_sameframe"][row, g] = 0

@@ -2,10 +2,11 @@
 
 They are built-in shapes, or the meshes that a world's `distractor_meshes` names, in the size that their files have.
 
-Kinds follow from `seed` alone. Proportions, turns, colours and places do too, except after an object that was drawn to
-a taken place: whether it was depends on `size`, which scales the built-in shapes. Built-in shapes are at most 6 cm
-high, and every object stays `KEEP_OUT` away from the goal, so the gripper and the held part do not reach into them. A
-place that overlaps another object is drawn again.
+Kinds follow from `seed` alone. A place that overlaps another object is drawn again, and whether it overlaps depends on
+`size`, which scales the built-in shapes. Up to the first such place, proportions, turns, colours and places follow from
+`seed` too. Built-in shapes are at most 6 cm high, and every object stays `KEEP_OUT` away from the goal, so the gripper
+and the held part do not reach into them.
+
 Native mechanism: `geom_pos`, `geom_quat`, `geom_size`, `geom_rgba` of geoms that the scene keeps invisible, and the
 bounds that ray casting uses (`geom_rbound`, `geom_aabb`). `geom_sameframe` is cleared, or MuJoCo would ignore the
 rotation.
@@ -52,17 +53,17 @@ class Distractors(SceneLook):
                 half[2] = min(half[2], 0.03)
                 kind, yaw = int(model.geom_type[g]), rng.uniform(0, 2 * np.pi)
                 if kind == G.mjGEOM_MESH:
-                    stands, quat, reach = _mesh(model, int(model.geom_dataid[g]), yaw)
+                    centre, quat, reach = _mesh(model, int(model.geom_dataid[g]), yaw)
                 else:
                     size, bounds, quat = _shape(kind, half, yaw)
-                    stands, reach = np.array([0, 0, bounds[2]]), float(np.hypot(*bounds[:2]))
+                    centre, reach = np.array([0, 0, bounds[2]]), float(np.hypot(*bounds[:2]))
                     local = size_bounds(kind, size)
                 place = _place(rng, taken, reach)
                 colour = rgb_of_hsv(rng.uniform(), rng.uniform(), rng.uniform(0.15, 1))
                 if place is None:  # no free place: the object stays invisible
                     continue
                 taken.append((place, reach))
-                fields["geom_pos"][row, g] = stands + [*place, 0]
+                fields["geom_pos"][row, g] = centre + [*place, 0]
                 fields["geom_quat"][row, g] = quat
                 fields["geom_rgba"][row, g] = (*colour, 1.0)
                 fields["geom_sameframe"][row, g] = 0
@@ -93,21 +94,17 @@ def _mesh(model: mujoco.MjModel, mesh: int, yaw: float) -> tuple[np.ndarray, np.
     """Return position (3,) m, quaternion (4,) and horizontal reach, m, of a mesh's geom on the table.
 
     The mesh is turned by `yaw` rad. Its origin, the middle of its bottom, is at x = y = 0, `LIFT` above the table;
-    `write` moves it to its place. MuJoCo's compiler moved the
-    vertices into the mesh's principal axes, by `mesh_pos` and `mesh_quat`, which is undone here.
+    `write` moves it to its place. MuJoCo's compiler moved the vertices into the mesh's principal axes, by `mesh_pos`
+    and `mesh_quat`, which is undone here.
     """
-    turn, quat, stands, matrix = (
-        np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]),
-        np.empty(4),
-        np.empty(3),
-        np.empty(9),
-    )
+    turn = np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)])
+    quat, pos, matrix = np.empty(4), np.empty(3), np.empty(9)
     mujoco.mju_mulQuat(quat, turn, model.mesh_quat[mesh])
-    mujoco.mju_rotVecQuat(stands, model.mesh_pos[mesh], turn)
+    mujoco.mju_rotVecQuat(pos, model.mesh_pos[mesh], turn)
     mujoco.mju_quat2Mat(matrix, quat)
     start = model.mesh_vertadr[mesh]
-    vertices = model.mesh_vert[start : start + model.mesh_vertnum[mesh]] @ matrix.reshape(3, 3).T + stands
-    return stands + [0, 0, LIFT], quat, float(np.hypot(vertices[:, 0], vertices[:, 1]).max())
+    vertices = model.mesh_vert[start : start + model.mesh_vertnum[mesh]] @ matrix.reshape(3, 3).T + pos
+    return pos + [0, 0, LIFT], quat, float(np.hypot(vertices[:, 0], vertices[:, 1]).max())
 
 
 def size_bounds(kind: int, size: np.ndarray) -> np.ndarray:
@@ -122,6 +119,7 @@ def size_bounds(kind: int, size: np.ndarray) -> np.ndarray:
 
 
 def _place(rng: np.random.Generator, taken: list[tuple[np.ndarray, float]], reach: float) -> np.ndarray | None:
+    """Draw a place (2,) m for an object that reaches `reach` m from it; None after `TRIES` places that are taken."""
     for _ in range(TRIES):
         place = rng.uniform(AREA[:, 0], AREA[:, 1])
         if all(np.linalg.norm(place - other) > radius + reach for other, radius in taken):

@@ -1,6 +1,7 @@
 """Light position: a lamp hangs elsewhere, and is turned so that it still points at the same spot of the table.
 
-Native mechanism: `light_pos` and `light_dir`; the spot is where the nominal axis meets z = 0.
+Native mechanism: `light_pos` and `light_dir`; the spot is where the nominal axis meets z = 0, or 1 m along the axis for
+a lamp that does not point down.
 """
 
 from __future__ import annotations

@@ -43,8 +43,10 @@ class CameraEffect(Effect):
         """Yield the simulation's row, the camera's id and the values, for cameras of the model with this effect."""
         for column, name in enumerate(fields.scene.cameras):
             camera = mujoco.mj_name2id(fields.model, mujoco.mjtObj.mjOBJ_CAMERA, name)
+            if camera < 0:
+                continue
             here = {k: np.asarray(v)[:, column] for k, v in p.items()}
-            for row in self.rows(here) if camera >= 0 else ():
+            for row in self.rows(here):
                 yield int(row), camera, {k: float(v[row]) for k, v in here.items()}
 
     def rows(self, p: Values) -> np.ndarray:

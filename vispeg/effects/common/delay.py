@@ -14,10 +14,11 @@ class DelayLine:
     """
 
     def __init__(self, step: float, longest: float):
-        self.step, self.size = step, int(np.ceil(longest / step - 1e-9)) + 2
+        self.step = step
+        self.size = int(np.ceil(longest / step - 1e-9)) + 2  # `delayed` takes lags up to size - 2
         self.buffer: np.ndarray | None = None
         self.head = 0
-        self.fresh: np.ndarray | None = None  # rows that begin anew with the next value
+        self.fresh: np.ndarray | None = None  # rows that restart with the next value
 
     def forget(self, rows: np.ndarray) -> None:
         """Restart these rows: their next value counts as their value at all earlier times."""

@@ -36,6 +36,7 @@ def motor_step(theta, omega, tau, x, offset, compliance, relaxation, inertia):
     link = x.dq + 0.5 * x.h * (x.ddq - x.tau / x.inertia)  # mean link velocity without the new gear torque
     delta = theta - x.q - offset
     momentum = 2.0 * inertia * compliance / x.h
+    # mean rate of the stretch, from the rotor's equation over the step: 2 J (mean - omega) / h = tau - gear
     rate = (compliance * tau - (1.0 + ratio) * delta - momentum * (link - omega)) / (momentum + lag * (1.0 + ratio))
     gear = (delta + lag * rate) / compliance
     mean = rate + link + 0.5 * x.h * gear / x.inertia  # mean motor velocity over the step
@@ -43,6 +44,9 @@ def motor_step(theta, omega, tau, x, offset, compliance, relaxation, inertia):
 
 
 def free_step(theta, omega, tau, x, inertia):
-    """Advance by one step inside the backlash gap, where the motor turns only its own inertia (> 0)."""
+    """Advance by one step inside the backlash gap, where the motor turns only its own inertia (> 0).
+
+    Arguments are as in `motor_step`. Return the new angle and velocity.
+    """
     new = omega + x.h * tau / inertia
     return theta + 0.5 * x.h * (omega + new), new

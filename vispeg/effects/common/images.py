@@ -88,8 +88,8 @@ def picture(path: Path, size: int) -> np.ndarray:
     edge = min(h, w)
     top, left = (h - edge) // 2, (w - edge) // 2
     square = image[top : top + edge, left : left + edge, ::-1]
-    way = cv2.INTER_AREA if edge > size else cv2.INTER_LINEAR
-    return cv2.resize(np.ascontiguousarray(square), (size, size), interpolation=way).astype(np.float32) / 255
+    method = cv2.INTER_AREA if edge > size else cv2.INTER_LINEAR
+    return cv2.resize(np.ascontiguousarray(square), (size, size), interpolation=method).astype(np.float32) / 255
 
 
 @lru_cache(maxsize=32)
@@ -118,13 +118,15 @@ def refuse_huge(path: Path, area: int) -> None:
 
 
 def _below(folder: Path, endings: tuple[str, ...], training: bool) -> tuple[Path, ...]:
+    """Return the images in a folder and its subfolders; arguments as in `images`."""
     every = (p for p in folder.rglob("*") if p.suffix.lower() in endings and p.is_file())
     paths = sorted(every, key=lambda p: p.relative_to(folder).as_posix())
-    mine = [p for p in paths if (TRAINING in p.relative_to(folder).parts[:-1]) == training]
-    return tuple(mine or paths)
+    chosen = [p for p in paths if (TRAINING in p.relative_to(folder).parts[:-1]) == training]
+    return tuple(chosen or paths)
 
 
 def _head(path: Path) -> bytes:
+    """Return the first 64 KiB of a file."""
     refuse_special(path)
     try:
         with path.open("rb") as file:
@@ -147,6 +149,7 @@ def _area(path: Path, head: bytes) -> int:
 
 
 def _radiance_area(path: Path, head: bytes) -> int:
+    """Read the number of pixels from the resolution line, such as `-Y 512 +X 1024`, after the blank line."""
     try:
         line = head.split(b"\n\n", 1)[1].split(b"\n", 1)[0].split()
         return int(line[1]) * int(line[3])

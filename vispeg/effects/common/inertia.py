@@ -21,10 +21,10 @@ def add_ball(fields, body: int, mass: np.ndarray, point: np.ndarray, radius: np.
     m0, c0 = fields["body_mass"][rows, body], fields["body_ipos"][rows, body]
     total = m0 + mass[rows]
     com = (m0[:, None] * c0 + mass[rows, None] * point[rows]) / total[:, None]
-    moved = tensor(fields, body)[rows] + parallel(m0, c0 - com) + parallel(mass[rows], point[rows] - com)
-    moved += (0.4 * mass[rows] * radius[rows] ** 2)[:, None, None] * np.eye(3)
-    value, axes = np.linalg.eigh(moved)
-    axes *= np.sign(np.linalg.det(axes))[:, None, None]
+    inertia = tensor(fields, body)[rows] + parallel(m0, c0 - com) + parallel(mass[rows], point[rows] - com)
+    inertia += (0.4 * mass[rows] * radius[rows] ** 2)[:, None, None] * np.eye(3)
+    value, axes = np.linalg.eigh(inertia)
+    axes *= np.sign(np.linalg.det(axes))[:, None, None]  # a rotation, not a reflection
     fields["body_mass"][rows, body] = total
     fields["body_ipos"][rows, body] = com
     fields["body_inertia"][rows, body] = np.maximum(value, 1e-9)

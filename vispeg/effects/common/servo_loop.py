@@ -41,9 +41,7 @@ class ServoLoop:
         return cls(np.full((nsim, nj), FAST), np.ones((nsim, nj)), np.ones((nsim, nj)), np.zeros((nsim, nj)))
 
     def torque(self, goal, q, dq, inertia, last, x) -> np.ndarray:
-        """Return the mean torque (nsim, nj) in N m over the next step, by the implicit midpoint rule.
-
-        It is stable at any step.
+        """Return the mean torque (nsim, nj) N m over the next step, by the implicit midpoint rule, stable at any step.
 
         The acceleration over the step is taken as that of the last step plus the change of torque over the inertia.
         Thus the torque at a joint that dry friction holds at rest settles exactly at the loop's static torque.
@@ -57,7 +55,8 @@ class ServoLoop:
         kp, kd, ahead = inertia * self.frequency**2, 2.0 * inertia * self.damping * self.frequency, 0.5 * x.h
         error = self.gain * goal - q - ahead * dq
         error = error - np.clip(error, -self.band, self.band)
-        asked, lost = kp * error - kd * dq, kd * ahead + 0.5 * kp * ahead**2
+        unaccelerated = kp * error - kd * dq
         if last is None:
-            return asked
-        return (asked - lost * (x.ddq - last / x.inertia)) / (1.0 + lost / x.inertia)
+            return unaccelerated
+        fall = kd * ahead + 0.5 * kp * ahead**2  # of the torque, per acceleration over the step
+        return (unaccelerated - fall * (x.ddq - last / x.inertia)) / (1.0 + fall / x.inertia)

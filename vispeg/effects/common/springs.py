@@ -69,7 +69,7 @@ def write(fields: Any, prefix: str, p: Values) -> None:
 
 
 def sprung(model: mujoco.MjModel, own: int, body: int, pose: np.ndarray, qpos: np.ndarray) -> np.ndarray:
-    """Return where springs put a body: its pose (7,) in its parent, for a model that does not have their joints.
+    """Return the pose (7,) of a body in its parent, displaced by its springs, for a model without the springs' joints.
 
     Args:
         model: the model with springs, whose joints come last.
@@ -79,25 +79,26 @@ def sprung(model: mujoco.MjModel, own: int, body: int, pose: np.ndarray, qpos: n
         qpos: (nq,) m and rad.
 
     Returns:
-        A pose (7,) from which the body's own joints lead to where it is.
+        The pose (7,) from which the body's own joints, without the springs, lead to its position.
     """
     first = int(model.body_jntadr[body])
     joints = range(first, first + int(model.body_jntnum[body]))
-    before = [j for j in joints if model.jnt_qposadr[j] < own]
-    if len(before) == len(joints):
+    own_joints = [j for j in joints if model.jnt_qposadr[j] < own]
+    if len(own_joints) == len(joints):
         return pose
     pos, quat, back_pos, back_quat = np.empty(3), np.empty(4), np.empty(3), np.empty(4)
-    moved, rest = _through(model, joints, pose, qpos), _through(model, before, np.eye(7)[3], qpos)
-    mujoco.mju_negPose(back_pos, back_quat, rest[:3], rest[3:])
+    identity = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    moved, by_own = _through(model, joints, pose, qpos), _through(model, own_joints, identity, qpos)
+    mujoco.mju_negPose(back_pos, back_quat, by_own[:3], by_own[3:])
     mujoco.mju_mulPose(pos, quat, moved[:3], moved[3:], back_pos, back_quat)
     return np.concatenate([pos, quat])
 
 
 def _through(model: mujoco.MjModel, joints: Iterable[int], pose: np.ndarray, qpos: np.ndarray) -> np.ndarray:
-    """Return a body's pose (7,) after these slides and hinges of it, from the pose (7,) before them."""
+    """Return a body's pose (7,) after these of its slides and hinges, from the pose (7,) before them."""
     pos, quat = pose[:3].copy(), pose[3:].copy()
     for j in joints:
-        size = qpos[model.jnt_qposadr[j]] - model.qpos0[model.jnt_qposadr[j]]
+        size = qpos[model.jnt_qposadr[j]] - model.qpos0[model.jnt_qposadr[j]]  # m or rad
         if model.jnt_type[j] == SLIDE.value:
             pos += size * _turned(model.jnt_axis[j], quat)
             continue

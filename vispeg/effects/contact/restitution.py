@@ -26,7 +26,7 @@ def rebound(ratio: np.ndarray) -> np.ndarray:
     return np.exp(-2 * z * np.where(z < 1, below, above))
 
 
-_RATIO = np.geomspace(20.0, 1e-4, 8192)  # falling, so that restitution rises
+_RATIO = np.geomspace(20.0, 1e-4, 8192)  # damping ratios in falling order, so that restitution rises, for `ratio`
 _REBOUND = rebound(_RATIO)
 
 

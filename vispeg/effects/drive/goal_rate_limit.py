@@ -34,4 +34,5 @@ class GoalRateLimit(Effect):
     def guesses(self, look):
         """Return the highest speeds of the joint: a limited servo reaches its rate and does not exceed it."""
         top = np.quantile(np.abs(look.dq), (0.999, 0.98, 0.9))
-        return [{"rate": float(np.clip(v, 0.05, 999.0))} for v in np.unique(top)]
+        low, null = self.params["rate"].low, self.params["rate"].null
+        return [{"rate": float(np.clip(v, low, null - 1.0))} for v in np.unique(top)]

@@ -27,6 +27,6 @@ class TorqueLimit(Effect):
 
     def guesses(self, look):
         """Return the greatest torques that the motion needed: a saturated drive delivers its limit and no more."""
-        tops = np.append(np.quantile(np.abs(look.needed), (1.0, 0.97, 0.9)), 1.1 * np.max(np.abs(look.needed)))
-        asked = float(np.max(np.abs(look.tau)))
-        return [{"limit": float(t)} for t in tops if self.params["limit"].low < t < asked]
+        torques = np.append(np.quantile(np.abs(look.needed), (1.0, 0.97, 0.9)), 1.1 * np.max(np.abs(look.needed)))
+        commanded = float(np.max(np.abs(look.tau)))
+        return [{"limit": float(t)} for t in torques if self.params["limit"].low < t < commanded]

@@ -31,8 +31,9 @@ class TorqueSpeedLimit(Effect):
         return np.where(p["stall"] < self.params["stall"].null, np.clip(tau, -backward, forward), tau)
 
     def guesses(self, look):
-        """Return the greatest torques that the motion needed, with speeds just above those that it reached."""
-        tops, top = np.quantile(np.abs(look.needed), (0.97, 1.0)), float(np.quantile(np.abs(look.dq), 0.999))
-        low, high = self.params["stall"].low, self.params["stall"].high
-        speeds = {float(np.clip(s * top, 0.3, 50.0)) for s in (1.1, 2.0)}
-        return [{"stall": float(np.clip(t, low, 0.99 * high)), "no_load": s} for t in tops for s in sorted(speeds)]
+        """Return the greatest torques that the motion needed, with 1.1 and 2 times the speed that it reached."""
+        torques, speed = np.quantile(np.abs(look.needed), (0.97, 1.0)), float(np.quantile(np.abs(look.dq), 0.999))
+        stall, no_load = self.params["stall"], self.params["no_load"]
+        speeds = {float(np.clip(s * speed, no_load.low, no_load.high)) for s in (1.1, 2.0)}
+        stalls = [float(np.clip(t, stall.low, 0.99 * stall.null)) for t in torques]
+        return [{"stall": t, "no_load": s} for t in stalls for s in sorted(speeds)]

@@ -13,9 +13,9 @@ from vispeg.core.effect import Effect
 from vispeg.core.params import Param
 from vispeg.effects.common.gear import free_step, motor_step
 
-TOOTH_RELAXATION = 2e-3  # s
+TOOTH_RELAXATION = 2e-3  # s, damping of the teeth in contact over their stiffness
 STEP, LEAST_STEP = 1e-3, 2.5e-4  # s: at 2 ms a rotor inside the gap, under a stiff servo, becomes unstable
-PHASE = 0.75  # rad, most phase per step of the rotor's oscillation against the teeth: the period is then 2 % off
+PHASE = 0.75  # rad, greatest phase per step of the rotor's oscillation against the teeth; its period is then 2 % off
 
 
 class Backlash(Effect):
@@ -52,13 +52,15 @@ class Backlash(Effect):
         loose, inertia, half = p["gap"] > 0, p["motor_inertia"], 0.5 * p["gap"]
         theta0, omega0 = state["theta"], state["omega"]
         theta, omega = free_step(theta0, omega0, tau, x, inertia)
-        reach = theta - x.q - x.h * x.dq  # where the teeth would be at the end of a free step
-        offset = np.where(reach > half, half, -half)
-        hit = motor_step(theta0, omega0, tau, x, offset, p["compliance"], TOOTH_RELAXATION, inertia)
-        touching = (np.abs(reach) > half) & (hit[2] * offset > 0)  # teeth push, they never pull
-        state["theta"] = np.where(touching, hit[0], theta)
-        state["omega"] = np.where(touching, hit[1], omega)
-        return np.where(loose, np.where(touching, hit[2], 0.0), tau)
+        free_delta = theta - x.q - x.h * x.dq  # `delta` at the end of a free step
+        offset = np.where(free_delta > half, half, -half)
+        hit_theta, hit_omega, gear = motor_step(
+            theta0, omega0, tau, x, offset, p["compliance"], TOOTH_RELAXATION, inertia
+        )
+        touching = (np.abs(free_delta) > half) & (gear * offset > 0)  # teeth push, they never pull
+        state["theta"] = np.where(touching, hit_theta, theta)
+        state["omega"] = np.where(touching, hit_omega, omega)
+        return np.where(loose, np.where(touching, gear, 0.0), tau)
 
     def observe(self, state, q, dq, x, p):
         loose = p["gap"] > 0

@@ -34,8 +34,8 @@ class Hysteresis(Effect):
 
     def along(self, path, at, x, p):
         torque, stiffness = (np.broadcast_to(np.ravel(p[k]), path.shape[1:]) for k in ("torque", "stiffness"))
-        bent = [yielding(q, r)[at] for q, r in zip(path.T, torque / stiffness, strict=True)]
-        return -stiffness * np.stack(bent, axis=1)
+        stretch = [yielding(q, reach)[at] for q, reach in zip(path.T, torque / stiffness, strict=True)]
+        return -stiffness * np.stack(stretch, axis=1)
 
     def guesses(self, look):
         return [{"stiffness": 50.0}, {"stiffness": 500.0}]

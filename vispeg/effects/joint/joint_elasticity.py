@@ -42,10 +42,10 @@ class JointElasticity(Effect):
 
     def observe(self, state, q, dq, x, p):
         soft, wound = p["compliance"] > 0, state["theta"] - x.q
-        # without a rotor, the spring's law states how fast it winds up; `omega` is then the mean over the last step
+        # without a rotor, `omega` is the mean over the last step; the spring's law gives the rate at this time
         massless = (p["compliance"] * state["gear"] - wound) / p["relaxation"]
-        winds = np.where(p["motor_inertia"] > 0, state["omega"] - x.dq, massless)
-        return np.where(soft, q + wound, q), np.where(soft, dq + winds, dq)
+        rate = np.where(p["motor_inertia"] > 0, state["omega"] - x.dq, massless)
+        return np.where(soft, q + wound, q), np.where(soft, dq + rate, dq)
 
     def guesses(self, look):
         return [{"compliance": 5e-5}, {"compliance": 5e-5, "motor_inertia": 0.2}]

@@ -26,7 +26,7 @@ class LoadFriction(Effect):
     }
 
     def stable_step(self, p):
-        return 1e-3  # at 2 ms the late level moves the joint by a multiple of an encoder's noise
+        return 1e-3  # at 2 ms the lag of the friction level moves the joint by a multiple of an encoder's noise
 
     def start(self, x, p):
         return slack(x.q)
@@ -39,5 +39,5 @@ class LoadFriction(Effect):
         load = np.abs(x.tau)
         mean = np.maximum(load.mean(axis=0), 1e-9)
         stiffness, share = (np.broadcast_to(np.ravel(p[k]), path.shape[1:]) for k in ("stiffness", "coefficient"))
-        bent = [yielding(q, r)[at] for q, r in zip(path.T, share * mean / stiffness, strict=True)]
-        return -stiffness * np.stack(bent, axis=1) * load / mean
+        stretch = [yielding(q, reach)[at] for q, reach in zip(path.T, share * mean / stiffness, strict=True)]
+        return -stiffness * np.stack(stretch, axis=1) * load / mean

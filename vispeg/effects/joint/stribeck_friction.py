@@ -23,7 +23,6 @@ class StribeckFriction(Effect):
         "excess": Param(0.0, 0.0, 30.0, "N m", start=0.5, doc="additional breakaway torque at rest"),
         "velocity": Param(0.05, 0.005, 0.5, "rad/s", start=0.05, shape=True, scale="log", doc="Stribeck velocity"),
     }
-
     telling = ("excess",)
     contains = ("coulomb_friction",)
     grows_from = {"coulomb_friction": {"coulomb": "torque"}}

@@ -1,4 +1,4 @@
-"""Torque noise: a random torque at a joint, such as the missing torque that a diagnosis could not explain.
+"""Torque noise: a random torque at a joint, such as the missing torque that a diagnosis leaves unexplained.
 
 An Ornstein-Uhlenbeck process, stationary from the first step and exact at any step: `x' = a x + sqrt(1 - a^2) n`,
 `a = exp(-h / time)`. Source: Uhlenbeck and Ornstein, Physical Review 36(5), 1930. No MuJoCo mechanism.
@@ -15,7 +15,7 @@ from vispeg.effects.common.row_noise import keys, normal
 
 
 class TorqueNoise(Effect):
-    """Random torque: a disturbance that no other effect explains."""
+    """Random torque that no other effect explains."""
 
     name = "torque_noise"
     family = "joint"

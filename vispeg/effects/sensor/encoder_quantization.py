@@ -44,7 +44,7 @@ class EncoderQuantization(Effect):
         return float(p["step"] * np.sqrt(np.average(squared, weights=weight)))
 
     def guesses(self, look):
-        """Return the spacing of the measured angles if they lie on a grid, even with noise on it; else []."""
+        """Return the spacing of the measured angles if they lie on a grid, with or without noise; else []."""
         values = np.unique(look.raw)
         gaps = np.diff(values)
         gaps = gaps[gaps > 1e-9]
@@ -63,19 +63,19 @@ def _step_in_noise(readings: bytes, widest: float) -> float:
     search asks for the same readings again and again.
     """
     raw = np.frombuffer(readings)
-    low, high, best, width = 2e-5, widest, 0.0, 0.0
+    low, high, best, width = 2e-5, widest, 0.0, 0.0  # rad, rad, rad, 1/rad
     for lag in (1, 4, 16, 64, 256):
         if lag >= len(raw) // 2:
             break
         moves = (raw[lag:] - raw[:-lag])[:: max(1, len(raw) // 1500)]
         inverse = np.linspace(1 / high, 1 / low, 2500) if not best else 1 / best + np.linspace(-1, 1, 400) * width
-        phase = _clustered(moves, inverse)
-        slow = 1.0 / max(np.ptp(moves), 1e-12)
-        phase[inverse < 2 * slow] = 0.0  # a step wider than half the motion fits anything
-        top = int(np.argmax(phase))
-        if phase[top] < 0.25:
+        statistic = _clustered(moves, inverse)
+        resolution = 1.0 / max(np.ptp(moves), 1e-12)
+        statistic[inverse < 2 * resolution] = 0.0  # a step wider than half the motion fits anything
+        top = int(np.argmax(statistic))
+        if statistic[top] < 0.25:
             return float(best) if lag > 4 else 0.0
-        best, width = 1.0 / inverse[top], 0.5 * slow
+        best, width = 1.0 / inverse[top], 0.5 * resolution
     return float(best)
 
 

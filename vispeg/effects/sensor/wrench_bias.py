@@ -1,6 +1,6 @@
 """Wrench bias: a constant is added to the reading of the wrist's force sensor, `w' = w + b`, in the flange frame.
 
-It is left by taring, or comes with drift. No MuJoCo mechanism, since it is the reading that is wrong. Source: the
+Taring leaves it, or the sensor drifts. No MuJoCo mechanism, since it is the reading that is wrong. Source: the
 affine model of a multi-axis force sensor, e.g. Traversaro et al. 2015, In situ calibration of six-axis force-torque
 sensors.
 """

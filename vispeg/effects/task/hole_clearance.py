@@ -34,9 +34,10 @@ class HoleClearance(Effect):
 
     def write(self, fields, p):
         pos, model, scene = fields["geom_pos"], fields.model, fields.robot
-        for name, turned, far in ((scene.wall, 0.0, 1.0), (scene.plate, -np.pi / 4, 2**0.5)):
-            some = [g for g in range(model.ngeom) if model.geom(g).name.startswith(name)]
-            number = np.array([int(model.geom(g).name.removeprefix(name)) for g in some])
-            angle = 2 * np.pi * number / (number.max(initial=0) + 1) + turned
-            outwards = far * np.stack([np.cos(angle), np.sin(angle), np.zeros(len(some))], axis=1)
-            pos[:, some] += 0.5 * p["width"][:, :, None] * outwards
+        # prefix of the geoms' names, angle of the first one's direction (rad), length of the direction
+        for name, first, length in ((scene.wall, 0.0, 1.0), (scene.plate, -np.pi / 4, 2**0.5)):
+            geoms = [g for g in range(model.ngeom) if model.geom(g).name.startswith(name)]
+            number = np.array([int(model.geom(g).name.removeprefix(name)) for g in geoms])
+            angle = 2 * np.pi * number / (number.max(initial=0) + 1) + first
+            outwards = length * np.stack([np.cos(angle), np.sin(angle), np.zeros(len(geoms))], axis=1)
+            pos[:, geoms] += 0.5 * p["width"][:, :, None] * outwards

@@ -19,7 +19,7 @@ from vispeg.effects.common.camera import CameraEffect
 from vispeg.effects.common.disparity import PARAMS, focal_baseline
 from vispeg.effects.common.field import random_words
 
-SLOPES = np.float32(2.0)  # at an edge the disparity rises more than this many times as far as it falls
+SLOPES = np.float32(2.0)  # at an edge the disparity rises by more than this multiple of its fall
 
 
 class EdgeFattening(CameraEffect):
@@ -50,16 +50,16 @@ class EdgeFattening(CameraEffect):
             d = np.divide(scale, depth, out=np.zeros_like(depth), where=depth > 0)
             wide = np.ones((2 * pixels + 3,) * 2, np.uint8)
             high = cv2.dilate(d, wide)
-            edge = SLOPES * (d - cv2.erode(d, wide)) + np.float32(p["contrast"][row])
+            least_rise = SLOPES * (d - cv2.erode(d, wide)) + np.float32(p["contrast"][row])  # at an edge, px
             inner = (slice(pixels + 1, -pixels - 1),) * 2  # near the image's border one side is unknown
             candidate = np.zeros(frame.shape, bool)
-            candidate[inner] = (high - d > edge)[inner] & (depth[inner] > 0)
+            candidate[inner] = (high - d > least_rise)[inner] & (depth[inner] > 0)
             at = np.flatnonzero(candidate)
             if not len(at):
                 continue
             narrow = cv2.dilate(d, np.ones((2 * pixels + 1,) * 2, np.uint8)) if pixels else d
-            dice = random_words(rng[row], (2, len(at)))
-            taken = np.where(dice[0] < 65536 * part, high.take(at), narrow.take(at))
-            lost = dice[1] < 65536 * float(p["reject"][row])
-            straddles = taken - d.take(at) > edge.take(at)
-            depth.put(at, np.where(straddles, np.where(lost, 0, scale / taken), depth.take(at)))
+            drawn = random_words(rng[row], (2, len(at)))  # 0 to 65535
+            nearest = np.where(drawn[0] < 65536 * part, high.take(at), narrow.take(at))
+            lost = drawn[1] < 65536 * float(p["reject"][row])
+            straddles = nearest - d.take(at) > least_rise.take(at)
+            depth.put(at, np.where(straddles, np.where(lost, 0, scale / nearest), depth.take(at)))

@@ -90,7 +90,7 @@ def _slope(z: np.ndarray) -> np.ndarray:
 
 
 def _normal_cdf(x: np.ndarray) -> np.ndarray:
-    """Give the standard normal distribution function, to 2e-4: Page, Approximations to the cumulative normal, 1977."""
+    """Return the normal distribution function, to 2e-4: Page, Approximations to the cumulative normal, 1977."""
     import cv2
 
     return 1 / (1 + cv2.exp(-x * (np.float32(1.5976) + np.float32(0.070566) * x * x)))

@@ -34,7 +34,7 @@ class LateralJitter(CameraEffect):
         height, width = frame.shape
         for row in self.rows(p):
             sd = float(p["sd"][row])
-            r = int(np.ceil(5 * sd))  # wide enough, as no normal number exceeds 4.3
+            r = int(np.ceil(5 * sd))  # px, wide enough, as no number of `normal` exceeds 4.3
             wide = cv2.copyMakeBorder(frame.depth[row], r, r, r, r, cv2.BORDER_REPLICATE)
             move = np.rint(normal(rng[row], (2, height, width)) * np.float32(sd)).astype(np.int32)
             frame.depth[row] = wide.take(move[0] * np.int32(wide.shape[1]) + move[1] + _places(height, width, r))

@@ -36,12 +36,12 @@ class CameraOffset(CameraEffect):
         for row, camera, v in self.moved(fields, p):
             shift, turn = (np.array([v[k] for k in keys]) * AXES for keys in ("xyz", ("rx", "ry", "rz")))
             pos, quat = fields["cam_pos"][row, camera], fields["cam_quat"][row, camera]
-            before, moved, turned = np.array(quat, float), np.zeros(3), np.zeros(4)
-            mujoco.mju_rotVecQuat(moved, shift, before)
-            pos += moved
+            before, rotated_shift, after = np.array(quat, float), np.zeros(3), np.zeros(4)
+            mujoco.mju_rotVecQuat(rotated_shift, shift, before)
+            pos += rotated_shift
             angle = float(np.linalg.norm(turn))
             if angle:
-                step = np.zeros(4)
-                mujoco.mju_axisAngle2Quat(step, turn / angle, angle)
-                mujoco.mju_mulQuat(turned, before, step)
-                quat[:] = turned
+                rotation = np.zeros(4)
+                mujoco.mju_axisAngle2Quat(rotation, turn / angle, angle)
+                mujoco.mju_mulQuat(after, before, rotation)
+                quat[:] = after

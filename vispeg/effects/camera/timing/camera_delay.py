@@ -34,13 +34,12 @@ class CameraDelay(CameraEffect):
         now = np.broadcast_to(np.asarray(frame.time, float), (frame.n,))
         for row in self.rows(p):
             row = int(row)
-            history = [] if opening[row] else past.get(row, [])
+            history = [] if opening[row] else past.get(row, [])  # (time in s, images by field), oldest first
             images = {n: i[row].copy() for n in DELIVERED if (i := getattr(frame, n)) is not None}
-            history = [(t, i) for t, i in history if t >= now[row] - 2 * self.params["delay"].high] + [
-                (now[row], images)
-            ]
+            oldest = now[row] - 2 * self.params["delay"].high
+            history = [(t, i) for t, i in history if t >= oldest] + [(now[row], images)]
             past[row] = history
-            ages = np.array([abs(t - (now[row] - p["delay"][row])) for t, _ in history])
-            chosen = history[int(np.flatnonzero(ages <= ages.min() + 1e-9)[0])][1]
+            apart = np.array([abs(t - (now[row] - p["delay"][row])) for t, _ in history])
+            chosen = history[int(np.flatnonzero(apart <= apart.min() + 1e-9)[0])][1]
             for name, image in chosen.items():
                 getattr(frame, name)[row] = image
