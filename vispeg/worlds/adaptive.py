@@ -18,7 +18,7 @@ from vispeg.worlds.distribution import Distribution
 from vispeg.worlds.places import MANY
 from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 
-TAIL = 0.025  # quantile that counts as a range's end
+TAIL = 0.025  # quantile that counts as a range's lower end, as 1 - TAIL does as its upper end
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Adaptive:
             raise UserError("not thresholds", expected="window > 0 and low < high", got=(window, low, high))
         self.step, self.window, self.low, self.high, self.edge = step, window, low, high, edge
         self.ranges = {r.label: r for r in world.ranges if any(_sides(r, n) for n in r.params)}
-        self.own = {r.label for r in world.ranges}
+        self.labels = {r.label for r in world.ranges}
         self.levels = dict.fromkeys(self.ranges, float(start))
         self.outcomes: dict[str, list[bool]] = {label: [] for label in self.ranges}
 
@@ -128,7 +128,7 @@ class Adaptive:
 
     def _governs(self, r: RandomizedEffect, name: str) -> bool:
         """Say whether the effect labelled `name` was drawn from a range; a range of one place precedes one of many."""
-        return name == r.label or r.where in MANY and name.startswith(f"{r.effect}(") and name not in self.own
+        return name == r.label or (r.where in MANY and name.startswith(f"{r.effect}(") and name not in self.labels)
 
     def _at_edge(self, r: RandomizedEffect, values: Mapping[str, float]) -> bool:
         """Say whether a drawn parameter lies in the outer share `1 - edge` of what the present level allows."""
@@ -137,9 +137,9 @@ class Adaptive:
             sides = _sides(r, name)
             if sides is None:
                 continue
-            away = values[name] - effect(r.effect).params[name].null
-            near, far = sides[int(away >= 0)]
-            if abs(away) >= level * (near + self.edge * (far - near)) - 1e-12:
+            distance = values[name] - effect(r.effect).params[name].null
+            near, far = sides[int(distance >= 0)]
+            if abs(distance) >= level * (near + self.edge * (far - near)) - 1e-12:
                 return True
         return False
 

@@ -16,7 +16,7 @@ from vispeg.worlds.places import ALL, MANY, check
 from vispeg.worlds.randomized import RandomizedEffect
 
 KEYS = ("effect", "where", "params", "chance", "group", "rho", "source")
-SERVO = "a servo's loop takes angles, and the arm of a world is sent torques"
+SERVO = "a servo's loop takes angles, and the arm of a world is sent torques"  # why an effect of a servo is refused
 
 
 def ranged(entry: Any, model: Any, file: Path, key: str) -> RandomizedEffect:
@@ -86,7 +86,7 @@ def entry_dict(r: RandomizedEffect) -> Mapping[str, object]:
 def within(value: float | Distribution, param: Param) -> bool:
     """Return whether all values that may be drawn are within the parameter's bounds.
 
-    Of a normal distribution only the mean must be, because it is truncated at the bounds.
+    For a normal distribution only the mean is checked, because it is truncated at the bounds.
     """
     ends: tuple[float, ...]
     match value:
@@ -117,6 +117,7 @@ def ranged_value(kind: Effect, name: Any, raw: Any, file: str | Path, key: str) 
 
 
 def _number(value: Any, low: float, high: float, file: Path, key: str) -> float:
+    """Return a file's value as a float. Raises UserError: not a finite number from `low` to `high`."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise UserError("not a number", file=file, key=key, expected=f"{low:g} to {high:g}", got=value)
     if not low <= value <= high:

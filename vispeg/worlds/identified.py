@@ -71,8 +71,9 @@ def ranges_of(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
     """Return a range for each effect of a model: normal distributions about the fitted values.
 
     The standard deviation is sqrt((sd * that of the interval)^2 + (widen * distance from null)^2); for shape
-    parameters, which have no null, the distance is from 0. If it is 0, the value is the same in every episode. The
-    range's source says so for values without an interval, and a note does too unless the file states `widen: 0`.
+    parameters, which have no null, the distance is from 0. If the standard deviation is 0, the value is the same in
+    every episode. The range's source says so for values without an interval, and a note does too unless the file states
+    `widen: 0`.
 
     Args:
         stated: the file and the widths.
@@ -100,13 +101,15 @@ def ranges_of(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
 def acting(
     effects: Sequence[EffectInstance], of: str | None, robot: str, file: str | Path
 ) -> tuple[EffectInstance, ...]:
-    """Return the effects of a model or measurement file that act on an arm of a world: no servo's, which a note names.
+    """Return the effects of a model or measurement file that act on an arm of a world.
+
+    Effects of a servo's loop do not; a note names them.
 
     Args:
-        effects: of the file.
+        effects: the file's effects.
         of: name or path of the file's robot; None if the effects fit any.
         robot: name or path of the world's arm.
-        file: for errors and the note.
+        file: the file, for errors and the note.
 
     Raises:
         UserError: the file belongs to another robot.
@@ -125,8 +128,8 @@ def without_interval(placed: EffectInstance) -> list[str]:
     The list is empty if all magnitudes are null without an interval, because the effect is then absent.
     """
     params = effect(placed.effect).params
-    sizes = [(v, params[name].null) for name, v in placed.params.items() if not params[name].shape]
-    if all(v.low is None and v.value == null for v, null in sizes):
+    magnitudes = [(v, params[name].null) for name, v in placed.params.items() if not params[name].shape]
+    if all(v.low is None and v.value == null for v, null in magnitudes):
         return []
     bare = [name for name, v in placed.params.items() if v.low is None]
     return [name for name in bare if params[name].shape or placed.params[name].value != params[name].null]
@@ -141,6 +144,7 @@ def constant(placed: EffectInstance, names: Sequence[str]) -> str:
 
 
 def _ranged(placed: EffectInstance, stated: Identified) -> RandomizedEffect:
+    """Return the range of one effect; see `ranges_of`."""
     kind, params = effect(placed.effect), {}
     for name, v in placed.params.items():
         param = kind.params[name]

@@ -19,7 +19,7 @@ from vispeg.formats.yaml_data import read_yaml
 from vispeg.worlds.model_file import Plain, located, placed_dict, read_placed
 
 FORMAT = "vispeg-measurement/1"
-LEVEL = 0.95
+LEVEL = 0.95  # coverage of the intervals
 KEYS = ("protocol", "of", "robot", "results", "effects", "conditions", "raw", "notes", "details", "provenance")
 MEASUREMENT = Format(FORMAT, "a measurement", keys=KEYS, needed=("protocol", "results"))
 

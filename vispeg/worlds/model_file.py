@@ -29,12 +29,12 @@ FORMAT = "vispeg-model/1"
 MODEL = Format(FORMAT, "a model", keys=("robot", "tool", "cell", "effects"))
 ENTRY = ("effect", "where", "params", "partial", "tentative", "origin")  # keys of one effect
 PARTS = ("value", "low", "high", "unit")  # keys of one parameter
-MARKS = ("partial", "tentative")  # those that are true or false
+MARKS = ("partial", "tentative")  # keys of one effect that are true or false
 DEFAULT = "iiwa14"  # robot of a file that states neither robot nor cell
 
 
 class Plain(yaml.SafeDumper):
-    """A YAML writer that repeats shared objects (such as an origin of two effects) in place of aliases."""
+    """A YAML writer that repeats an object that is shared, such as an origin of two effects, without aliases."""
 
     def ignore_aliases(self, data: Any) -> bool:
         """Disable aliases for all data."""
@@ -102,7 +102,7 @@ def _belief(data: Mapping[str, Any], file: Path) -> CellBelief | None:
 
 
 def _robot(data: Mapping[str, Any], belief: CellBelief | None, file: Path) -> str:
-    """Return the robot that the file states, else its cell's, else the default; "" if the cell's world determines it.
+    """Return the robot that the file states, else its cell's, else DEFAULT; "" if the cell's world determines it.
 
     Raises:
         UserError: it is no text.
@@ -117,7 +117,7 @@ def _robot(data: Mapping[str, Any], belief: CellBelief | None, file: Path) -> st
 
 
 def located(robot: str, file: Path) -> str:
-    """Return a robot that a file names; if it names a file in or below its own folder, with the path to that."""
+    """Return a robot that `file` names. If it is a path relative to the folder of `file`, the folder is prepended."""
     beside = file.parent / robot
     return str(beside) if Path(robot).suffix and not Path(robot).is_absolute() and is_file(beside) else robot
 
@@ -224,7 +224,7 @@ def without_origin(placed: EffectInstance) -> PlacedRecord:
 
 
 def named_from(world: World, folder: Path) -> World:
-    """Return the world as a model file in `folder` states it: with the robot's file named relative to the folder."""
+    """Return the world for a model file in `folder`: a path of the robot's file becomes relative to the folder."""
     if not (Path(world.robot).suffix and is_file(world.robot)):
         return world
     robot = Path(world.robot).expanduser().resolve()

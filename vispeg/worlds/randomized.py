@@ -27,8 +27,8 @@ class RandomizedEffect:
         params: parameter -> number or distribution; others stay at null (shape parameters at `start`).
         source: where the range comes from, for readers.
         group: name of a group of effects whose parameters are drawn with a common Gaussian factor.
-        rho: share of each parameter's variance that comes from that factor, negative to move against it. Two parameters
-            of equal `rho` have the correlation |rho|.
+        rho: share of each parameter's variance that comes from that factor, -1 to 1; negative for the opposite
+            direction. Two parameters of equal `rho` have the correlation |rho|.
         chance: probability that an episode has the effect.
     """
 

@@ -46,13 +46,14 @@ def sensor(name: str, where: str | None = None) -> tuple[RandomizedEffect, ...]:
 
 
 def _ranged(entry: Mapping[str, Any], where: str | None, file: str, key: str) -> RandomizedEffect:
+    """Read an entry of a sensor's file; arguments as in `sensor` and `entry.ranged`."""
     kind = effect(entry["effect"], file=file, key=f"{key}.effect")
     params = {k: ranged_value(kind, k, v, file, f"{key}.params.{k}") for k, v in entry["params"].items()}
     return RandomizedEffect(entry["effect"], where or entry.get("where", "all"), params, source=entry["source"])
 
 
 def noise_of(name: str) -> float:
-    """Return the greatest scatter of an unfiltered sensor's depth: k in 1/m, for a standard deviation of k z^2.
+    """Return the greatest scatter of a sensor's raw depth: k in 1/m, for a standard deviation of k z^2 at z m.
 
     It combines the upper ends of the ranges of two errors of disparity: `disparity_noise`, which is new in every frame,
     and `depth_temporal`, which lasts for some frames.
@@ -64,6 +65,6 @@ def noise_of(name: str) -> float:
     for entry in read_yaml(sensor_file(name))["effects"]:
         p = entry["params"]
         if entry["effect"] in ("disparity_noise", "depth_temporal"):
-            (ends,) = p["sd"].values()
+            (ends,) = p["sd"].values()  # {distribution: [low, high]}, px
             variance += (float(ends[-1]) / (p["focal"] * p["baseline"])) ** 2
     return float(variance**0.5)

@@ -27,9 +27,9 @@ def physical(world: AnyWorld) -> AnyWorld:
 
 
 def optical(world: AnyWorld, cameras: Sequence[str]) -> AnyWorld:
-    """Return the world with only its optical effects, and of camera effects only those on these cameras.
+    """Return the world with only its optical effects; camera effects only if they act on one of these cameras.
 
-    Without cameras, no effects are left.
+    Without cameras, no effects remain.
     """
 
     def visible(e) -> bool:

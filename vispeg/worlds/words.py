@@ -54,9 +54,9 @@ def completed(kind: Effect, stated: dict[str, float]) -> dict[str, float]:
     If no magnitude is stated, all have typical values (`start`). If one is stated, the others are null: a camera that
     is stated to be 4 mm off to the right is not rotated as well. Shape parameters that are not stated are typical.
     """
-    named = any(name in stated for name in kind.magnitudes)
-    rest = {k: p.null if named and k in kind.magnitudes else p.start for k, p in kind.params.items()}
-    return rest | stated
+    has_magnitude = any(name in stated for name in kind.magnitudes)
+    default = {k: p.null if has_magnitude and k in kind.magnitudes else p.start for k, p in kind.params.items()}
+    return default | stated
 
 
 def parse(text: str, robot: Any, present: Iterable[EffectInstance] = ()) -> list[EffectInstance]:
@@ -65,8 +65,8 @@ def parse(text: str, robot: Any, present: Iterable[EffectInstance] = ()) -> list
     Args:
         text: WHERE is a place of the robot, `all` (one value for all places) or `each` (an effect at each place).
         robot: the RobotModel or Scene with the places.
-        present: effects, at the place or at `all`, from which parameters that the text does not state are taken; for
-            others see `completed`.
+        present: effects of the model. If one of them is this effect at the place or at `all`, parameters that the text
+            does not state keep its values; otherwise see `completed`.
 
     Raises:
         UserError: no such effect, place or parameter, or a number out of bounds.
@@ -80,9 +80,9 @@ def parse(text: str, robot: Any, present: Iterable[EffectInstance] = ()) -> list
     stated = values(kind, [s for s in settings.split(",") if s])
     values_of_all = completed(kind, stated)
     places = instances(kind, where, robot) if where == EACH else [place(kind, where, robot)]
-    here: dict[str, EffectInstance] = {}
+    here: dict[str, EffectInstance] = {}  # by place
     for e in present:  # of two at one place the later one counts
         if e.effect == name:
             here |= {w: replace(e, where=w) for w in (places if e.where == ALL else [e.where])}
-    begun = {w: e.with_values(**stated) if stated else e for w, e in here.items()}
-    return [begun.get(w) or EffectInstance.of(name, w, **values_of_all) for w in places]
+    changed = {w: e.with_values(**stated) if stated else e for w, e in here.items()}
+    return [changed.get(w) or EffectInstance.of(name, w, **values_of_all) for w in places]

@@ -38,7 +38,7 @@ class World:
     def add(self, *effects: EffectInstance | str, **values: float) -> World:
         """Return this world with effects added; each replaces one of the same name at the same place.
 
-        It acts there also if the world has that effect at `all`, of which the later one counts (`places.values`).
+        An added effect counts at its place even if the world also has that effect at `all` (see `places.values`).
 
         Args:
             effects: instances; or the name of one effect and its place, as in `add("payload", "flange", mass=1.2)`.
@@ -49,26 +49,26 @@ class World:
         """
         placed = [e for e in effects if isinstance(e, EffectInstance)]
         names = [e for e in effects if isinstance(e, str)]
-        if names and (placed or len(names) != 2) or values and not names:
+        if (names and (placed or len(names) != 2)) or (values and not names):
             expected = 'add("coulomb_friction", "joint4", torque=1.3), or instances of EffectInstance'
             raise UserError("one effect by its name and its place", expected=expected, got=effects)
         if names:
             placed = [EffectInstance.of(*names, **values)]
-        new = {(e.effect, e.where): e for e in self.effects}
+        by_place = {(e.effect, e.where): e for e in self.effects}
         for e in placed:
-            at, order = (e.effect, e.where), [*new]
-            if at in new and (e.effect, ALL) in order[order.index(at) + 1 :]:
-                del new[at]  # it moves to the end, as the effect at all places would act in its stead
-            new[at] = e
-        return replace(self, effects=tuple(new.values()))
+            at, order = (e.effect, e.where), [*by_place]
+            if at in by_place and (e.effect, ALL) in order[order.index(at) + 1 :]:
+                del by_place[at]  # it moves to the end: where it was, the later effect at `all` would override it
+            by_place[at] = e
+        return replace(self, effects=tuple(by_place.values()))
 
     def over(self, stated: Sequence[EffectInstance]) -> World:
-        """Return this world with the effects that its cell states; its own replace these as in `add`."""
+        """Return this world with the effects `stated` by its cell before its own, which replace these as in `add`."""
         return replace(self, effects=tuple(stated)).add(*self.effects) if stated else self
 
     def __repr__(self) -> str:
-        beside = ["" if self.tool is None else f"tool={self.tool!r}", "" if self.cell is None else "in a cell"]
-        return f"<World: {', '.join(filter(None, [self.robot, *beside, *map(repr, self.effects)]))}>"
+        tool, cell = "" if self.tool is None else f"tool={self.tool!r}", "" if self.cell is None else "in a cell"
+        return f"<World: {', '.join(filter(None, [self.robot, tool, cell, *map(repr, self.effects)]))}>"
 
     def without(self, effect: str, where: str) -> World:
         """Return this world without the effect of that name and place."""
