@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 LOST = 1e-9  # share of the largest eigenvalue of J M^-1 J' below which a direction counts as singular
-WORST = 0.1 / LOST  # condition number below which no direction is singular
+WORST = 0.1 / LOST  # condition number below which no direction is singular, with a margin of 10
 ZONE = 0.1  # share of a joint's range, at either end, in which the spring acts
 
 
@@ -111,16 +111,16 @@ def hold_pose(
     tau, done = np.empty_like(dq), np.empty(len(dq), bool)
     hold(*task, dq[:0] if pull is None else pull, limit, WORST, tau, done)
     if not done.all():
-        left = ~done
-        some = None if pull is None else pull[left]
-        tau[left] = _careful([part[left] for part in task], some, limit[left] if len(limit) > 1 else limit)
+        rest = ~done
+        rest_pull, rest_limit = None if pull is None else pull[rest], limit[rest] if len(limit) > 1 else limit
+        tau[rest] = _careful([part[rest] for part in task], rest_pull, rest_limit)
     return tau
 
 
 def _careful(task: Sequence[np.ndarray], pull: np.ndarray | None, limit: np.ndarray) -> np.ndarray:
     """Compute `hold_pose` with `osc`, for rows that are near a singularity or not finite."""
-    mass, jac, now, turned, dq, pos, rot, kp, kd = task
-    error = np.concatenate([pos - now, rotation_vector(turned, rot)], axis=1)
+    mass, jac, pos_now, rot_now, dq, pos, rot, kp, kd = task
+    error = np.concatenate([pos - pos_now, rotation_vector(rot_now, rot)], axis=1)
     twist = np.matmul(jac, dq[:, :, None])[:, :, 0]
     posture = None if pull is None else np.matmul(mass, pull[:, :, None])[:, :, 0]
     return osc(error, twist, mass, jac, kp, kd, posture, force_limit=limit)

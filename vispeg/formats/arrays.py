@@ -14,6 +14,10 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.formats.guard import MB, opened, size
 
+# exceptions of zipfile and NumPy for damaged archives
+DAMAGED = (OSError, ValueError, LookupError, TypeError, EOFError, SyntaxError, RuntimeError, MemoryError)
+DAMAGED += (zipfile.BadZipFile, zlib.error, NotImplementedError, OverflowError, RecursionError)
+
 
 def read_arrays(path: str | Path, *, most: int = 2000 * MB) -> dict[str, np.ndarray]:
     """Read the arrays of an .npz file by name, without unpickling anything.
@@ -37,6 +41,7 @@ def array_names(path: str | Path, *, most: int = 2000 * MB) -> tuple[str, ...]:
 
 @contextmanager
 def _archive(path: str | Path, most: int) -> Iterator[Any]:
+    """Open an archive for the body. Raises UserError as `read_arrays` does, also for errors of the body."""
     with opened(path) as file:
         try:
             with zipfile.ZipFile(file) as archive:
@@ -47,9 +52,7 @@ def _archive(path: str | Path, most: int) -> Iterator[Any]:
             file.seek(0)
             with np.load(file, allow_pickle=False) as data:
                 yield data
-        except (OSError, ValueError, LookupError, TypeError, EOFError, SyntaxError, RuntimeError, MemoryError) as error:
-            raise _refusal(path, error) from None
-        except (zipfile.BadZipFile, zlib.error, NotImplementedError, OverflowError, RecursionError) as error:
+        except DAMAGED as error:
             raise _refusal(path, error) from None
 
 

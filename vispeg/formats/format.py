@@ -34,8 +34,8 @@ class Enrolled:
     slow: bool = False
 
 
-ENROLLED: dict[str, Enrolled] = {}
-DECLARED: list[Format] = []
+ENROLLED: dict[str, Enrolled] = {}  # by name
+DECLARED: list[Format] = []  # all of them; a test checks that each has an enrolled reader
 
 
 def copy(source: Path, folder: Path) -> Path:

@@ -119,17 +119,19 @@ def check(data: Any, file: str | Path, key: str | None = None, *, finite: bool =
         UserError: too deep nesting, a number with too many digits or that is not finite, or a character that is not
             text; it names the place.
     """
-    fault = _beyond(data, finite, DEPTH)
+    fault = _violation(data, finite, DEPTH)
     if fault is not None:
         message, expected, parts = fault
-        at = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in reversed(parts))
-        raise UserError(
-            message, file=file, key=": ".join(filter(None, (key, at.lstrip(".")))) or None, expected=expected
-        )
+        at = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in reversed(parts)).lstrip(".")
+        where = ": ".join(filter(None, (key, at)))
+        raise UserError(message, file=file, key=where or None, expected=expected)
 
 
-def _beyond(value: Any, finite: bool, levels: int) -> tuple[str, str | None, list[str | int]] | None:
-    """Return the first violation, what was expected, and the keys that lead to it, innermost first; else None."""
+def _violation(value: Any, finite: bool, levels: int) -> tuple[str, str | None, list[str | int]] | None:
+    """Return the first violation, the expected value, and the keys that lead to it, innermost first; else None.
+
+    `levels` more levels of nesting are allowed.
+    """
     if isinstance(value, float):
         return ("is not finite", "a finite number", []) if finite and not math.isfinite(value) else None
     if isinstance(value, str):
@@ -143,7 +145,7 @@ def _beyond(value: Any, finite: bool, levels: int) -> tuple[str, str | None, lis
     for key, item in value.items() if isinstance(value, dict) else enumerate(value):
         if isinstance(key, str) and NOT_TEXT.search(key):
             return "a key holds a character that is not text", None, []
-        if fault := _beyond(item, finite, levels - 1):
+        if fault := _violation(item, finite, levels - 1):
             fault[2].append(key)
             return fault
     return None
@@ -164,9 +166,9 @@ def as_written(file: str | Path, command: str, hint: str = "") -> Iterator[None]
     try:
         yield
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, MemoryError) as error:
-        said = f"{type(error).__name__}: {error}"
+        reason = f"{type(error).__name__}: {error}"
         expected = f"it as `{command}` wrote it" + (f"; {hint}" if hint else "")
-        raise UserError(f"is damaged, or of another version ({said[:200]})", file=file, expected=expected) from error
+        raise UserError(f"is damaged, or of another version ({reason[:200]})", file=file, expected=expected) from error
     except UserError as error:
         raise (UserError(f"{error}; {hint}") if hint else error) from None
 

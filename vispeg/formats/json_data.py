@@ -11,8 +11,8 @@ from vispeg.core.errors import UserError
 from vispeg.formats.guard import MB, check, read_text
 
 
-class _Twice(Exception):
-    """A key that is given twice."""
+class _RepeatedKeyError(Exception):
+    """A key that is given twice in one mapping."""
 
 
 def read_json(path: str | Path, *, most: int = 64 * MB, finite: bool = True) -> Any:
@@ -36,8 +36,9 @@ def parse_json(text: str | bytes, file: str | Path, key: str | None = None, *, f
     except json.JSONDecodeError as error:
         at = key or f"line {error.lineno}"
         raise UserError(f"is not JSON ({error.msg.lower()})", file=file, key=at) from None
-    except _Twice as error:
-        raise UserError("is given twice", file=file, key=": ".join(filter(None, (key, str(error))))) from None
+    except _RepeatedKeyError as error:
+        at = f"{key}: {error}" if key else str(error)
+        raise UserError("is given twice", file=file, key=at) from None
     except RecursionError:
         raise UserError("is nested too deeply", file=file, key=key) from None
     except UnicodeDecodeError as error:
@@ -49,8 +50,12 @@ def parse_json(text: str | bytes, file: str | Path, key: str | None = None, *, f
 
 
 def _mapping(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a JSON object as a dictionary. Raises _RepeatedKeyError."""
     data = dict(pairs)
     if len(data) < len(pairs):
         earlier: set[str] = set()
-        raise _Twice(next(k for k, _ in pairs if k in earlier or earlier.add(k)))
+        for key, _ in pairs:
+            if key in earlier:
+                raise _RepeatedKeyError(key)
+            earlier.add(key)
     return data

@@ -26,7 +26,7 @@ KINDS = {  # type of a pydantic error -> the expected value in words
     "bool_type": "true or false",
     "bool_parsing": "true or false",
 }
-UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
+UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")  # types of pydantic's errors for an unknown key
 
 
 def typed(kind: type[T], data: Any, file: str | Path, key: str = "") -> T:
@@ -60,12 +60,13 @@ def as_user_error(error: ValidationError, file: str | Path, key: str = "") -> Us
     if first["type"] in UNKNOWN:
         return UserError("unknown key", file=file, key=where)
     if first["type"] == "literal_error":
+        # pydantic's text is such as "'a', 'b' or 'c'"
         choices = [part.strip(" '") for part in str(context["expected"]).replace(" or ", ", ").split(",")]
         return UserError("is not one of the choices", file=file, key=where, got=first["input"], choices=choices)
     if first["type"] in KINDS:
         return UserError("has the wrong type", file=file, key=where, expected=KINDS[first["type"]], got=first["input"])
-    said = first["msg"].removeprefix("Value error, ")
-    return UserError(said[:1].lower() + said[1:], file=file, key=where, got=first["input"])
+    message = first["msg"].removeprefix("Value error, ")
+    return UserError(message[:1].lower() + message[1:], file=file, key=where, got=first["input"])
 
 
 @cache

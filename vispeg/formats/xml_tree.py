@@ -26,7 +26,7 @@ def read_xml(path: str | Path) -> ET.Element:
 
 
 class _Tree:
-    """Builds the tree from the parser's events; `depth` is the present nesting, `count` the elements so far."""
+    """Builder of the tree from the parser's events; `depth` is the present nesting, `count` the elements so far."""
 
     def __init__(self, path: str | Path):
         self.path, self.depth, self.count = path, 0, 0
@@ -43,14 +43,14 @@ class _Tree:
         try:
             self.parser.Parse(data, True)
         except expat.ExpatError as error:
-            said = expat.ErrorString(error.code)
-            raise UserError(f"is not XML ({said})", file=self.path, key=f"line {error.lineno}") from None
+            reason = expat.ErrorString(error.code)
+            raise UserError(f"is not XML ({reason})", file=self.path, key=f"line {error.lineno}") from None
         except (ValueError, LookupError) as error:  # an encoding that is unknown, or of several bytes
             raise UserError(f"is not XML ({error})", file=self.path) from None
         return self.builder.close()
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
-        """Handle the begin of an element: check the limits."""
+        """Handle the start of an element: check the limits."""
         self.depth, self.count = self.depth + 1, self.count + 1
         if self.depth > DEPTH:
             self.refuse("is nested too deeply", f"at most {DEPTH} levels")

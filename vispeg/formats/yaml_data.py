@@ -45,27 +45,27 @@ def parse_yaml(text: str, file: str | Path, *, finite: bool = True) -> Any:
         data = _Builder(text, file).document()
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
-        said = getattr(error, "problem", None) or getattr(error, "reason", None) or "cannot be parsed"
-        raise UserError(f"is not YAML ({said})", file=file, key=f"line {mark.line + 1}" if mark else None) from None
+        reason = getattr(error, "problem", None) or getattr(error, "reason", None) or "cannot be parsed"
+        raise UserError(f"is not YAML ({reason})", file=file, key=f"line {mark.line + 1}" if mark else None) from None
     check(data, file, finite=finite)
     return data
 
 
-class _Words(yaml.SafeLoader):
-    """Resolves plain scalars; `3e-5` is a number, as in YAML 1.2 (PyYAML follows 1.1, which requires `3.0e-5`)."""
+class _Scalars(yaml.SafeLoader):
+    """Resolver of plain scalars; `3e-5` is a number, as in YAML 1.2 (PyYAML follows 1.1, which requires `3.0e-5`)."""
 
 
 EXPONENT = re.compile(r"[-+]?(\.\d+|\d+(\.\d*)?)[eE][-+]?\d+$")
-_Words.add_implicit_resolver(CORE + "float", EXPONENT, [*"-+.0123456789"])
+_Scalars.add_implicit_resolver(CORE + "float", EXPONENT, [*"-+.0123456789"])
 
 
 class _Builder:
-    """Builds values from events; `room` is the number of further values that are allowed."""
+    """Builder of values from events; `room` is the number of further values that are allowed."""
 
     def __init__(self, text: str, file: str | Path):
         self.file, self.room, self.line = file, VALUES, 1
         self.events: Iterator[yaml.Event] = yaml.parse(text, Loader=PARSER)
-        self.words = _Words("")
+        self.scalars = _Scalars("")
         self.anchors: dict[str, tuple[Any, int]] = {}  # value and number of values in it; 0 while it is incomplete
 
     def document(self) -> Any:
@@ -131,15 +131,16 @@ class _Builder:
         """Return the value of a scalar: text, a number, a boolean or None."""
         tag = event.tag
         if tag is None or tag == "!":
-            tag = self.words.resolve(yaml.ScalarNode, event.value, event.implicit)
+            tag = self.scalars.resolve(yaml.ScalarNode, event.value, event.implicit)
         if tag == CORE + "timestamp" and event.tag is None:
             tag = CORE + "str"
-        if tag not in SCALARS and not (tag in (CORE + "merge", CORE + "value") and event.tag is None):
+        plain = tag in (CORE + "merge", CORE + "value") and event.tag is None  # `<<` or `=`, which are text as values
+        if tag not in SCALARS and not plain:
             raise self.error("a tag beyond plain data", got=tag)
         if tag in (CORE + "int", CORE + "float") and len(event.value) > LONG:
             raise self.error("is a number with too many digits")
         try:
-            return self.words.construct_object(yaml.ScalarNode(tag if tag in SCALARS else CORE + "str", event.value))
+            return self.scalars.construct_object(yaml.ScalarNode(tag if tag in SCALARS else CORE + "str", event.value))
         except (ValueError, KeyError, IndexError, OverflowError):  # `!!int x`, `!!bool x`, `0b`
             raise self.error("is not the value that its tag says", got=event.value) from None
 
@@ -154,7 +155,7 @@ class _Builder:
         return copy.deepcopy(value)
 
     def take(self, count: int) -> None:
-        """Count further values. Raises UserError: too many."""
+        """Count `count` further values. Raises UserError: too many."""
         self.room -= count
         if self.room < 0:
             raise self.error("holds too many values", expected=f"at most {VALUES}, aliases written out")

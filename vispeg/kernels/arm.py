@@ -66,7 +66,7 @@ def backward(lower, x):
 
 
 @inner
-def own(mass, jac, row, inertia, j6):
+def copy_row(mass, jac, row, inertia, j6):
     """Copy inertia and Jacobian of one row, so that other functions need compiling only for contiguous matrices."""
     for i in range(len(inertia)):
         for k in range(len(inertia)):
@@ -100,18 +100,18 @@ def mobility(mass, jac, lower, half, out):
 def condition(matrix, lower, column):
     """Return an upper bound of a matrix's condition number: its trace times that of its inverse.
 
-    `lower` is its factor (see `cholesky`), `column` working memory of its size.
+    `lower` is its factor (see `cholesky`), `column` (m,) working memory.
     """
-    size, inverse = 0.0, 0.0
+    trace, inverse_trace = 0.0, 0.0
     for i in range(len(matrix)):
-        size += matrix[i, i]
+        trace += matrix[i, i]
         for j in range(i, len(matrix)):  # column i of L^-1
             value = 1.0 if j == i else 0.0
             for k in range(i, j):
                 value -= lower[j, k] * column[k]
             column[j] = value * lower[j, j]
-            inverse += column[j] * column[j]
-    return size * inverse
+            inverse_trace += column[j] * column[j]
+    return trace * inverse_trace
 
 
 @compiled(ROWS, ROWS, to(ROWS))
@@ -147,7 +147,7 @@ def hold(mass, jac, now, turned, dq, pos, rot, kp, kd, pull, limit, worst, out, 
     error, force, null = np.empty(6), np.empty(6), np.empty(6)
     for r in range(len(out)):
         done[r] = False
-        own(mass, jac, r, inertia, j6)
+        copy_row(mass, jac, r, inertia, j6)
         if not mobility(inertia, j6, lower, half, core) or not cholesky(core, factor):
             continue
         if not condition(core, factor, column) < worst:
@@ -202,7 +202,7 @@ def towards(mass, jac, now, turned, pos, rot, pull, soft, out):
     inertia, lower, j6, half = np.empty((nv, nv)), np.empty((nv, nv)), np.empty((6, nv)), np.empty((6, nv))
     core, factor, error, way = np.empty((6, 6)), np.empty((6, 6)), np.empty(6), np.empty(nv)
     for r in range(len(out)):
-        own(mass, jac, r, inertia, j6)
+        copy_row(mass, jac, r, inertia, j6)
         definite = mobility(inertia, j6, lower, half, core)
         for i in range(6):
             core[i, i] += soft

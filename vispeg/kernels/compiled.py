@@ -10,9 +10,10 @@ from numba import types
 
 OPTIONS: dict[str, Any] = {"error_model": "numpy"}  # a division by 0 gives inf or NaN, as in NumPy
 FLAG, WHOLE, NUMBER = types.boolean, types.int64, types.float64
+# read-only arrays of any strides: of flags and whole numbers, with 1 or 2 axes
 FLAGS, WHOLES = (types.Array(kind, 1, "A", readonly=True) for kind in (FLAG, WHOLE))
 PLACES = types.Array(WHOLE, 2, "A", readonly=True)
-# read-only arrays of any strides, with 1, 2 and 3 axes
+# of numbers, with 1, 2 and 3 axes
 VECTOR, ROWS, BLOCKS = (types.Array(NUMBER, axes, "A", readonly=True) for axes in (1, 2, 3))
 
 
@@ -38,5 +39,5 @@ def compiled(*arguments: Any) -> Callable[[Callable[..., None]], Callable[..., N
 
 
 def inner(function: Callable[..., Any]) -> Any:
-    """Decorate a function that only compiled functions of the same file call; it is compiled as a part of them."""
+    """Compile a function that only compiled functions of the same file call, as a part of these."""
     return numba.njit(**OPTIONS)(function)

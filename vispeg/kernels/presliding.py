@@ -14,7 +14,7 @@ def stretched(path, reach, yields, out):
     """
     out[:] = 0.0
     for share in yields:
-        most, anchor = reach * share, path[0]
+        most, anchor = reach * share, path[0]  # stretch at which the element slips, place where it is slack
         for k in range(len(path)):
             stretch = path[k] - anchor
             if stretch > most:
