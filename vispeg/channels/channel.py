@@ -38,9 +38,9 @@ class How:
 
     Attributes:
         seconds: how much of a longer recording is used, s; 0 for all of it.
-        seed: of everything random.
-        threads: of the simulation.
-        say: called with a line on each step.
+        seed: seed of everything random.
+        threads: number of threads of the simulation.
+        say: called with a line of text on each step.
         likely: called with the effects that torques suggest, before the search confirms or corrects them.
         progress: stores intermediate results of a diagnosis, so that a killed one can resume.
         plan_next: whether a diagnosis also works out which motion to record next.
@@ -64,7 +64,8 @@ class Channel(ABC):
         name: what `--channels` calls it.
         order: its place in a diagnosis over several channels, smaller first: a channel whose effects other channels
             need for their predictions comes before them.
-        lead: when several are compared, the comparison of the channel with the smallest `lead` heads the record.
+        lead: rank in a comparison over several channels: the record of the channel with the smallest `lead` contains
+            those of the others.
     """
 
     name: ClassVar[str]

@@ -23,14 +23,14 @@ from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
 FIRM = ("identified", "ambiguous")  # verdicts of a channel whose effects are added to other channels' models
-ORDER = ("unexplained", "ambiguous", "identified", "adequate")  # gravest first; the joint verdict is the gravest
+ORDER = ("unexplained", "ambiguous", "identified", "adequate")  # verdicts, the gravest first
 
 
 def diagnose(channels: Sequence[str], world: World, both: Both, how: How) -> Diagnosis:
-    """Find what a model lacks, in every one of the channels.
+    """Find the effects that a model lacks, in every one of the channels.
 
-    If there are several, one whose recordings show nothing of the model is left out with a note. If all are such, the
-    first is kept.
+    Of several channels, those whose recordings show nothing of the model (`Channel.blind`) are left out with a note. If
+    that would leave out all, the first is kept.
 
     Args:
         channels: names, from `resolve`.
@@ -55,11 +55,11 @@ def diagnose(channels: Sequence[str], world: World, both: Both, how: How) -> Dia
 
 
 def with_rest(diagnosis: Diagnosis, channel: Channel, world: World) -> Diagnosis:
-    """Return a channel's diagnosis with the effects and the cell of `world` that the channel's own part leaves out."""
+    """Return a channel's diagnosis with the effects and the cell of `world` that `channel.part` leaves out."""
     searched = channel.part(world).effects
-    rest = [e for e in world.effects if e not in searched]
+    left_out = [e for e in world.effects if e not in searched]
     found = diagnosis.world
-    return replace(diagnosis, world=replace(found, cell=world.cell, effects=(*rest, *found.effects)))
+    return replace(diagnosis, world=replace(found, cell=world.cell, effects=(*left_out, *found.effects)))
 
 
 def part_of(progress: Progress, channel: str, start: World) -> Progress:
@@ -72,8 +72,8 @@ def _noted(diagnosis: Diagnosis, left_out: Sequence[str]) -> Diagnosis:
     if not left_out:
         return diagnosis
     record = diagnosis.record
-    lacks = [*record.get("missing", []), *left_out]
-    return replace(diagnosis, record={**record, "missing": lacks, "notes": [*record["notes"], *left_out]})
+    missing = [*record.get("missing", []), *left_out]
+    return replace(diagnosis, record={**record, "missing": missing, "notes": [*record["notes"], *left_out]})
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class ChannelResult:
 
     @property
     def firm(self) -> tuple[EffectInstance, ...]:
-        """Those of them that other channels may take as known: of a firm verdict, neither partial nor tentative."""
+        """Those of `added` that other channels may take as known: of a FIRM verdict, neither partial nor tentative."""
         sure = self.diagnosis.record["verdict"] in FIRM
         return tuple(e for e in self.added if sure and not e.partial and not e.tentative)
 
@@ -124,8 +124,8 @@ def search_in_turn(
             assumed = tuple(e for r in others for e in r.firm if c.heeds(effect(e.effect)))
             if c.name in results and _same_effects(results[c.name].assumed, assumed):
                 continue
-            given = f", with {', '.join(e.label for e in assumed)} as others found them" if assumed else ""
-            say(f"{c.name}{given}")
+            with_assumed = f", with {', '.join(e.label for e in assumed)} as others found them" if assumed else ""
+            say(f"{c.name}{with_assumed}")
             results[c.name], searched = ChannelResult(c, search(c, world.add(*assumed)), assumed), True
         if not searched:
             break
@@ -140,9 +140,9 @@ def _same_effects(a: Sequence[EffectInstance], b: Sequence[EffectInstance]) -> b
 def joined(results: Sequence[ChannelResult], world: World) -> Diagnosis:
     """Join the channels' results in one record and one model; a channel's arrays have keys `channel/NAME/...`.
 
-    The verdict is the gravest one. An effect that several channels found has the values of the first; one of `world`,
-    the user's model, that a channel refitted and dropped stays only if another found it. The ladder is of the channel
-    whose held-out error fell by the greatest factor.
+    The verdict is the gravest one. An effect that several channels found has the values of the first. An effect of
+    `world`, the user's model, that a channel refitted and dropped stays only if another channel found it. The ladder is
+    that of the channel whose held-out error fell by the greatest factor.
     """
     added: dict[str, EffectInstance] = {}
     listed: list[Any] = []
@@ -154,7 +154,7 @@ def joined(results: Sequence[ChannelResult], world: World) -> Diagnosis:
     channels = [result.channel for result in results]
     records = [result.diagnosis.record for result in results]
     lead = max(records, key=_fall)
-    rest = [r for r in records if r["unexplained"]]
+    unexplained = [r["unexplained"] for r in records if r["unexplained"]]
     record = {
         "format": "vispeg-diagnosis/1",
         "verdict": min((r["verdict"] for r in records), key=ORDER.index),
@@ -163,7 +163,7 @@ def joined(results: Sequence[ChannelResult], world: World) -> Diagnosis:
         "ladder": lead["ladder"],
         "noise_floor": lead["noise_floor"],
         **({"of": lead["of"]} if "of" in lead else {}),
-        "unexplained": rest[0]["unexplained"] if rest else None,
+        "unexplained": unexplained[0] if unexplained else None,
         "next_experiment": next((r["next_experiment"] for r in records if r["next_experiment"]), None),
         "candidates": [c for r in records for c in r["candidates"]],
         "recordings": lead["recordings"],
@@ -185,7 +185,7 @@ def joined(results: Sequence[ChannelResult], world: World) -> Diagnosis:
 
 
 def _once(entries: Iterable[Any]) -> list[Any]:
-    """Return the entries in order, each one once: channels report the same recordings."""
+    """Return the entries in order without repetitions, since channels report the same recordings."""
     out: list[Any] = []
     for entry in entries:
         if entry not in out:

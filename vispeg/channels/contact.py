@@ -63,15 +63,15 @@ class Contact(Channel):
 
     def compare(self, world: World, recordings: Sequence[Recording], how: How) -> Comparison:
         """Return the errors of the wrench, axis by axis and phase by phase."""
-        some = [self.read(rec, world, how) for rec in recordings]
-        result = compare_contact(self.part(world), some, nthread=how.threads, label=world.label)
-        result.arrays.update(worst_moment(result.arrays, some))
+        corrected = [self.read(rec, world, how) for rec in recordings]
+        result = compare_contact(self.part(world), corrected, nthread=how.threads, label=world.label)
+        result.arrays.update(worst_moment(result.arrays, corrected))
         return result
 
     def diagnose(self, world: World, both: Both, how: How) -> Diagnosis:
         """Find the contact effects that the model lacks."""
-        some = [[self.read(rec, world, how) for rec in recordings] for recordings in both]
+        fitted, held_out = ([self.read(rec, world, how) for rec in recordings] for recordings in both)
         options = {"nthread": how.threads, "say": how.say, "progress": how.progress}
-        diagnosis = diagnose_contact(self.part(world), *some, **options)
-        diagnosis.arrays.update(worst_moment(diagnosis.arrays, some[1]))
+        diagnosis = diagnose_contact(self.part(world), fitted, held_out, **options)
+        diagnosis.arrays.update(worst_moment(diagnosis.arrays, held_out))
         return diagnosis

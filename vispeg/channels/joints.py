@@ -40,11 +40,11 @@ class Joints(Channel):
     lead = 20
 
     def has(self, world: World, recordings: Sequence[Recording]) -> bool:
-        """Say whether all have a known controller or measured torques, unless torques must stand in for a wrench."""
+        """Say whether all have a known controller or measured torques, unless these must replace a missing wrench."""
         if is_object(world.robot):
             return False
-        stand_in = world.cell is not None and has_wrench(recordings) and any(rec.ft is None for rec in recordings)
-        return not stand_in and all(map(moved, recordings))
+        instead = world.cell is not None and has_wrench(recordings) and any(rec.ft is None for rec in recordings)
+        return not instead and all(map(comparable, recordings))
 
     def shows(self, kind: Effect) -> bool:
         """Say whether an arm in free air can show the effect."""
@@ -81,18 +81,19 @@ class Joints(Channel):
 
         Drift is left out if a rollout diverged.
         """
-        arm, some = self.part(world), [self.read(rec, world, how) for rec in recordings]
-        result = compare.compare(arm, some, nthread=how.threads, label=world.label)
-        if not result.record.get("diverged") and (changed := drifts(arm, some, how.threads)):
-            result.record["drift"] = changed
+        arm, windows = self.part(world), [self.read(rec, world, how) for rec in recordings]
+        result = compare.compare(arm, windows, nthread=how.threads, label=world.label)
+        if not result.record.get("diverged") and (drifted := drifts(arm, windows, how.threads)):
+            result.record["drift"] = drifted
         return result
 
     def diagnose(self, world: World, both: Both, how: How) -> Diagnosis:
         """Find the effects that the arm's model lacks."""
-        some = [[self.read(rec, world, how) for rec in recordings] for recordings in both]
+        fitted, held_out = ([self.read(rec, world, how) for rec in recordings] for recordings in both)
         return run.diagnose(
             self.part(world),
-            *some,
+            fitted,
+            held_out,
             seed=how.seed,
             nthread=how.threads,
             say=how.say,
@@ -102,7 +103,7 @@ class Joints(Channel):
         )
 
 
-def moved(rec: Recording) -> bool:
+def comparable(rec: Recording) -> bool:
     """Return whether joints can be compared: the controller is known, or joint torques were measured."""
     return rec.control.mode != "unknown" or (rec.tau is not None and rec.torque_sensor != "none")
 

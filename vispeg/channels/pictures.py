@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from vispeg.channels.channel import Both, Channel, How
-from vispeg.channels.joints import READINGS, moved
+from vispeg.channels.joints import READINGS, comparable
 from vispeg.core.effect import OPTICAL, Effect, effect
 from vispeg.core.errors import UserError
 from vispeg.diagnosis.compare import Comparison
@@ -70,16 +70,16 @@ class Pictures(Channel):
         compared = [frame for rec in recordings for frame in compared_pictures(rec, world, how.reading)]
         rung: Rung = {"model": world.label, "fit_error": None, "heldout_error": border_rms(compared), "unit": "px RMS"}
         note = "neither commands nor torques to compare the joints by: pictures alone are compared"
-        if all(map(moved, recordings)):
+        if all(map(comparable, recordings)):
             note = "pictures alone are compared; the channel `joints` compares the joints"
-        said, drawn = pictures(compared)
+        text, drawn = pictures(compared)
         record: ComparisonRecord = {
             "format": "vispeg-compare/1",
             "ladder": [rung],
             "recordings": {"fit": [], "validate": [rec.name for rec in recordings]},
             "notes": [note],
         }
-        return Comparison(record, drawn, said)
+        return Comparison(record, drawn, text)
 
     def diagnose(self, world: World, both: Both, how: How) -> Diagnosis:
         """Find the effects that pictures show and the model lacks: of cameras, of light, and of the arm's angles."""
@@ -100,7 +100,7 @@ def border_evidence_of(
 ) -> tuple[BorderEvidence, BorderEvidence | None]:
     """Return the borders found in the fitted and in the held-out recordings' pictures; None if none are held out.
 
-    `progress` stores where they were found.
+    `progress` stores the results of the search for them.
 
     Raises:
         UserError: recordings of different cells, pictures that cannot be compared, or no camera of the fitted

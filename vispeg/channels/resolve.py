@@ -13,7 +13,7 @@ from vispeg.core.errors import UserError
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 
-OTHERS = "the variable VISPEG_PLUGINS names modules that add channels"
+OTHERS = "the variable VISPEG_PLUGINS names modules that add channels"  # hint after the list of channels
 
 
 def channel(name: str, key: str = "--channels") -> Channel:
@@ -52,14 +52,14 @@ def resolve(
         UserError: a channel asked for that is unknown or that the model or a recording lacks, or a recording of contact
             without wrench and torques.
     """
-    asked, can = [asked] if isinstance(asked, str) else asked, available(world, *groups)
+    asked, present = [asked] if isinstance(asked, str) else asked, available(world, *groups)
     for name in asked:
-        if channel(name, key).name not in can:
+        if channel(name, key).name not in present:
             what = "the model or one of the recordings does not have this channel"
-            raise UserError(what, key=key, got=name, choices=can)
-    whole = world.cell is None or {"pictures", "contact"} <= set(can)
-    usual = can if whole else tuple(name for name in can if name != "joints") or can
-    return tuple(name for name in can if name in (asked or usual)) or ("joints",)
+            raise UserError(what, key=key, got=name, choices=present)
+    with_joints = world.cell is None or {"pictures", "contact"} <= set(present)
+    default = present if with_joints else tuple(name for name in present if name != "joints") or present
+    return tuple(name for name in present if name in (asked or default)) or ("joints",)
 
 
 def available(world: World, *groups: Sequence[Recording]) -> tuple[str, ...]:
@@ -73,6 +73,6 @@ def available(world: World, *groups: Sequence[Recording]) -> tuple[str, ...]:
 
 
 def fitted_in(channels: Sequence[str], effects: Iterable[str]) -> str:
-    """Return which of the channels to fit these effects in: the one that shows most of them, the first if equal."""
+    """Return the channel in which to fit these effects: the one that shows most of them, the first of equal ones."""
     kinds = [effect(name) for name in effects]
     return max(channels, key=lambda name: sum(CHANNELS[name].shows(kind) for kind in kinds))
