@@ -9,7 +9,8 @@ it is known, and the commit that set its value. Modules read `RULES.tie` when th
 `varied(tie=0.0)` shows what a rule does. docs/rules.md is the table of all.
 
 Words: a "noise variance" is the unit of squared errors, a "noise" that of errors (one standard deviation). The "floor"
-is the error that the right model would leave. An "error of form" is one of the model's laws, not of its parameters.
+is the error that the right model would leave. An "error of form" is one of the model's laws, not of its parameters. A
+"figure" is a number that summarises the depth or the light of a camera's pictures.
 """
 
 from __future__ import annotations
@@ -230,7 +231,7 @@ class Compared:
         reason="twice what an arm repeats a pose to, for no calibration makes it as true",
         case="at half of it a soft grip was named where nothing was hidden")
     kinematics_turn: float = _rule(4e-4, "contact", "9a0e906e",
-        "The same of turns (rad).",
+        "The same of orientations (rad).",
         case="the same")
     kinematics_far: float = _rule(0.02, "contact", "d95395ee",
         "Distance (m) over which that error changes.")
@@ -267,7 +268,7 @@ class Compared:
         "Frames of a camera that a recording must have.",
         reason="fewer say nothing about views that were not fitted")
     frames_sensor: int = _rule(4, "pictures", "fbb7d3b1",
-        "Frames that must show a figure of depth or light.")
+        "Least number of a camera's frames from which figures of depth or light are measured.")
     frame_still: float = _rule(2e-4, "pictures", "7a1c05b5",
         "Angle (rad) by which joints may move between frames that count as repeats of one view.",
         reason="0.1 px of a picture 320 px wide at 0.3 m")
@@ -281,7 +282,7 @@ class Compared:
     edge_rival: float = _rule(0.7, "pictures", "367f443f",
         "Share of an edge's strength from which another one near it makes it doubtful.")
     edge_beside: float = _rule(2.0, "pictures", "367f443f",
-        "Distance (px) from a border at which both its sides must be what the model has there.")
+        "Distance (px) from a border at which the model must show the border's own two parts, one on each side.")
     edge_tukey: float = _rule(4.685, "pictures", "367f443f",
         "Distance, in scatters, beyond which an edge belongs to something else.",
         reason="Tukey's weights, 95 % efficient for normal errors")
@@ -338,7 +339,7 @@ class Compared:
     toss_near: float = _rule(3e-3, "tosses", "1eb50084",
         "Distance (m) to the table within which an object may touch it.")
     toss_far: float = _rule(8.0, "tosses", "1eb50084",
-        "Noise floors from which an error counts linearly.")
+        "Noise floors beyond which the square of an error counts linearly.")
     block: float = _rule(0.25, "all", "2fcabec5",
         "Seconds of a block, the unit of the tests over held-out recordings.")
     folds: int = _rule(4, "joints", "b805ac3c",
@@ -399,7 +400,7 @@ class Proposed:
     figure_odd: float = _rule(0.8, "pictures", "fbb7d3b1",
         "Multiple of the difference between good cameras, from which a figure of depth or light needs an effect.")
     figure_changed: float = _rule(0.2, "pictures", "fbb7d3b1",
-        "The same by which a typical size of an effect must change a figure to be tried, or to be excited.")
+        "The same of a figure's change by an effect of typical size, from which it is tried and counts as excited.")
     felt: float = _rule(5.0, "contact", "65a197ce",
         "Change of the residual by some size, in standard deviations, from which an effect counts as excited.")
     screen_flat: float = _rule(0.03, "contact", "4a08f3e6",
@@ -629,7 +630,7 @@ class Named:
     name_slack: float = _rule(0.2, "joints", "9e47cadb",
         "Share of the remaining error by which a rival may be worse and is still fitted.")
     name_alike: float = _rule(0.7, "joints", "de0de97d",
-        "Rise of the error without an effect given another, over that without the other, below which they are alike.",
+        "Rise of the error without an effect if another is added, over that if not, below which the two are alike.",
         case="a wrong effect that fits one motion better than the true one and is worse on another")
     name_rivals: int = _rule(6, "joints", "356154d4",
         "Greatest number of rivals that are fitted to test a name.")
