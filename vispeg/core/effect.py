@@ -37,7 +37,8 @@ class Effect(ABC):
         searchable: False if a diagnosis of an arm does not search it, although its family is in `ARM`.
         params: its parameters.
         writes: the MjModel fields that `write` may change; a test enforces this.
-        order: position in the chain of drive hooks; a smaller number acts earlier (nearer to the command).
+        order: position among effects with the same hook; a smaller number acts earlier. For `drive` that is nearer to
+            the command; from 80 on (`sim.physics.GEAR`) an effect acts behind the motor.
         commanded: True if `drive` depends on the command alone, not on the arm's motion.
         smooth: False if the residual is not smooth in the parameters (then a global search is used).
         telling: magnitudes of which one must differ from null for the effect to count as present (default: all of its
@@ -244,15 +245,15 @@ class Effect(ABC):
         - `servo`, `load`: the motion under a servo's own loop; these effects, and those in the loop.
         - `needed`: the torque of a measured motion by inverse dynamics; effects that follow from each sample or from
           the path so far, so not timing, gear play or readings.
-        - `wrench`: the readings of a wrist's force sensor; its own errors, compliance of the arm, and effects that need
-          a scene.
+        - `wrench`: the readings of a wrist's force sensor; its own errors, compliance of the arm, and effects on the
+          model that need a scene.
         """
         motion = ("write", "drive", "friction", "torque", "observe")
         sample = ("write", "friction", "inverse", "along", *(() if self.overrides("start") else ("torque",)))
         out = {"angle", "torque", "servo", "load"} if any(map(self.overrides, motion)) else set()
         out |= {"servo", "load"} if any(map(self.overrides, ("goal", "regulate"))) else set()
         out |= {"needed"} if any(map(self.overrides, sample)) else set()
-        scenic = self.family in ("contact", "task") or not self.searchable
+        scenic = self.family in ("contact", "task") or not self.searchable  # it acts only in a scene
         felt = self.overrides("wrench") or self.overrides("yields") or (scenic and self.overrides("write"))
         return frozenset(out | ({"wrench"} if felt else set()))
 
