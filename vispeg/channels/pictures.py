@@ -58,8 +58,8 @@ class Pictures(Channel):
     def blind(self, world: World, *both: Sequence[Recording]) -> str:
         """Say why no camera of the fitted recordings sees the cell; empty if one does."""
         scene = scene_of(world, [rec for recordings in both for rec in recordings])
-        (mine, _), unseen = seeing(scene, tuple(sights_of(recordings) for recordings in both), world)
-        return "" if mine else f"no camera sees the cell: {'; '.join(unseen)}"
+        (fitted_sights, _), unseen = seeing(scene, tuple(sights_of(recordings) for recordings in both), world)
+        return "" if fitted_sights else f"no camera sees the cell: {'; '.join(unseen)}"
 
     def evidence(self, world: World, both: Both, how: How) -> tuple[BorderEvidence, BorderEvidence | None]:
         """Return the borders found in the pictures."""
@@ -107,10 +107,10 @@ def border_evidence_of(
             recordings that sees the cell.
     """
     scene, kept = scene_of(world, (*fitted, *held_out)), Progress() if progress is None else progress
-    (mine, theirs), unseen = seeing(scene, (sights_of(fitted), sights_of(held_out)), world)
-    if not mine:
+    (fitted_sights, held_sights), unseen = seeing(scene, (sights_of(fitted), sights_of(held_out)), world)
+    if not fitted_sights:
         raise UserError(f"no camera sees the cell: {'; '.join(unseen)}", file=fitted[0].path)
-    evidence, judged = border_evidence(scene, mine, theirs, world, recall=kept.recall)
+    evidence, judged = border_evidence(scene, fitted_sights, held_sights, world, recall=kept.recall)
     evidence.notes += unseen
     evidence.recordings, judged.recordings = list(fitted), list(held_out)
     return evidence, judged if held_out else None

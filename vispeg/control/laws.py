@@ -111,9 +111,10 @@ def hold_pose(
     tau, done = np.empty_like(dq), np.empty(len(dq), bool)
     hold(*task, dq[:0] if pull is None else pull, limit, WORST, tau, done)
     if not done.all():
-        rest = ~done
-        rest_pull, rest_limit = None if pull is None else pull[rest], limit[rest] if len(limit) > 1 else limit
-        tau[rest] = _careful([part[rest] for part in task], rest_pull, rest_limit)
+        undone = ~done
+        undone_pull = None if pull is None else pull[undone]
+        undone_limit = limit[undone] if len(limit) > 1 else limit
+        tau[undone] = _careful([part[undone] for part in task], undone_pull, undone_limit)
     return tau
 
 

@@ -152,11 +152,11 @@ def load_measurement(path: str | Path) -> Measurement:
     if not isinstance(entries, list):
         raise UserError("wrong effects", file=path, key="effects", expected="a list", got=type(entries).__name__)
     effects = tuple(read_placed(entry, Path(path), f"effects[{i}]") for i, entry in enumerate(entries))
-    rest = {key: _mapping(data.get(key) or {}, path, key) for key in ("conditions", "raw", "details", "provenance")}
+    tables = {key: _mapping(data.get(key) or {}, path, key) for key in ("conditions", "raw", "details", "provenance")}
     notes = data.get("notes") or []
     if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
         raise UserError("wrong notes", file=path, key="notes", expected="a list of text", got=notes)
-    return Measurement(text["protocol"], text["of"], results, effects, robot, notes=tuple(notes), **rest)
+    return Measurement(text["protocol"], text["of"], results, effects, robot, notes=tuple(notes), **tables)
 
 
 def is_measurement(path: str | Path) -> bool:

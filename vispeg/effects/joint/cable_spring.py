@@ -27,8 +27,8 @@ class CableSpring(Effect):
     writes = frozenset({"jnt_stiffness", "qpos_spring"})
 
     def write(self, fields, p):
-        own, slack = fields["jnt_stiffness"][:, fields.joints], fields["qpos_spring"][:, fields.qposes]
-        total = own + p["stiffness"]
+        nominal, slack = fields["jnt_stiffness"][:, fields.joints], fields["qpos_spring"][:, fields.qposes]
+        total = nominal + p["stiffness"]
         share = np.divide(p["stiffness"], total, out=np.zeros_like(total), where=total != 0)
         fields["jnt_stiffness"][:, fields.joints] = total
         fields["qpos_spring"][:, fields.qposes] = slack + share * (p["reference"] - slack)
