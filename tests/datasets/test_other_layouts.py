@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 
 import cv2
@@ -13,10 +15,11 @@ import pytest
 import trimesh
 import yaml
 from rendered import LAYOUT, PLAN, source
+from trimesh.exchange.ply import export_ply
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.check import check
-from vispeg.datasets.formats.models import described
+from vispeg.datasets.formats.models import described, ply
 from vispeg.datasets.formats.registry import export
 from vispeg.datasets.layout import colour_of, depth_of
 from vispeg.datasets.opening import open_dataset
@@ -194,6 +197,19 @@ def test_the_cells_peg_and_fixture_have_the_models_that_are_drawn():
     assert about["symmetries_continuous"] == [{"axis": [0, 0, 1], "offset": [0, 0, 0]}]
     assert fixture[0][:, 2].max() == pytest.approx(0, abs=1e-6)  # its top is the hole's mouth
     assert len(described(fixture)["symmetries_discrete"]) == 3
+
+
+def test_planning_does_without_trimesh():
+    """Its import takes 0.4 s, a twentieth of 300 frames."""
+    code = "import sys, vispeg.demonstrations.plan as p; p.plan_of('S', 8); sys.exit('trimesh' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], timeout=120).returncode == 0
+
+
+@pytest.mark.parametrize("scale", [1.0, 1000.0])
+def test_a_models_file_is_that_of_trimesh(scale):
+    scaled = trimesh.Trimesh(scale * BOX.vertices, BOX.faces, process=False)
+    theirs = export_ply(scaled, encoding="binary").replace(b"comment https://github.com/mikedh/trimesh\n", b"")
+    assert ply((BOX.vertices, BOX.faces), scale) == theirs
 
 
 @pytest.mark.parametrize("sides", [2, 3, 5, 6])

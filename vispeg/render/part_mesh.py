@@ -7,7 +7,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-G = mujoco.mjtGeom
+from vispeg.robots.solids import solid
+
 SECTIONS = 64  # number of sides that approximate a circle
 
 
@@ -16,39 +17,24 @@ def part_mesh(scene: Any, part: str, site: str) -> tuple[np.ndarray, np.ndarray]
 
     Args:
         scene: a `vispeg.robots.scene.Scene`.
-        part: name of one of its parts, made of boxes, cylinders, spheres, capsules and meshes.
+        part: name of one of its parts, made of boxes, cylinders, spheres, capsules, ellipsoids and meshes.
         site: name of the site in whose frame the vertices are.
 
     Raises:
         ValueError: the part has a geom of another type.
     """
-    import trimesh
-
     model = scene.compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    frame, pieces = data.site(site), list[Any]()
+    frame, vertices, faces, count = data.site(site), list[np.ndarray](), list[np.ndarray](), 0
     for name in scene.parts[part]:
-        geom = model.geom(name)
-        kind, size = int(geom.type[0]), np.asarray(geom.size)
-        if kind == G.mjGEOM_MESH:
-            mesh, i = model.mesh(int(geom.dataid[0])), int(geom.dataid[0])
-            first, count = int(mesh.vertadr[0]), int(mesh.vertnum[0])
-            start, faces = int(model.mesh_faceadr[i]), int(model.mesh_facenum[i])
-            solid = trimesh.Trimesh(model.mesh_vert[first : first + count], model.mesh_face[start : start + faces])
-        elif kind == G.mjGEOM_BOX:
-            solid = trimesh.creation.box(2 * size)
-        elif kind == G.mjGEOM_CYLINDER:
-            solid = trimesh.creation.cylinder(size[0], 2 * size[1], sections=SECTIONS)
-        elif kind == G.mjGEOM_SPHERE:
-            solid = trimesh.creation.icosphere(3, size[0])
-        elif kind == G.mjGEOM_CAPSULE:
-            solid = trimesh.creation.capsule(2 * size[1], size[0], count=(SECTIONS, SECTIONS))
-            solid.apply_translation((0.0, 0.0, -solid.bounds.mean(axis=0)[2]))
-        else:
-            raise ValueError(f"{name}: a geom of type {kind} cannot be made a mesh")
-        world = np.asarray(solid.vertices) @ data.geom(name).xmat.reshape(3, 3).T + data.geom(name).xpos
-        vertices = (world - frame.xpos) @ frame.xmat.reshape(3, 3)
-        pieces.append(trimesh.Trimesh(vertices, solid.faces))
-    union: Any = trimesh.util.concatenate(pieces)
-    return np.asarray(union.vertices), np.asarray(union.faces)
+        geom = data.geom(name)
+        made = solid(model, geom.id, SECTIONS)
+        if made is None:
+            raise ValueError(f"{name}: a geom of type {int(model.geom_type[geom.id])} cannot be made a mesh")
+        points, place = np.unique(made[0], axis=0, return_inverse=True)  # meshes repeat vertices at their edges
+        world = points @ geom.xmat.reshape(3, 3).T + geom.xpos
+        vertices.append((world - frame.xpos) @ frame.xmat.reshape(3, 3))
+        faces.append(place.reshape(-1)[made[1]] + count)
+        count += len(world)
+    return np.concatenate(vertices), np.concatenate(faces)

@@ -14,6 +14,16 @@ from vispeg.formats.guard import MB, read_bytes
 
 FOLDER = "meta/models"
 Mesh = tuple[np.ndarray, np.ndarray]  # vertices (v, 3) and triangles (f, 3)
+HEAD = """ply
+format binary_little_endian 1.0
+element vertex {}
+property float x
+property float y
+property float z
+element face {}
+property list uchar int vertex_indices
+end_header
+"""
 TURNS = 32  # a part counts as round if it is unchanged by 1/32 of a turn
 MOST = 12  # greatest number of equal turns about z that are looked for
 SAME = 1e-3  # tolerance of a turned vertex, as a share of the part's extent
@@ -21,12 +31,9 @@ SAME = 1e-3  # tolerance of a turned vertex, as a share of the part's extent
 
 def ply(mesh: Mesh, scale: float = 1.0) -> bytes:
     """Return a PLY file of a mesh, its vertices multiplied by `scale`."""
-    import trimesh
-    from trimesh.exchange.ply import export_ply
-
-    made = trimesh.Trimesh(scale * mesh[0], mesh[1], process=False)
-    data = export_ply(made, encoding="binary")
-    return data if isinstance(data, bytes) else data.encode()
+    vertices, faces = (scale * mesh[0]).astype("<f4"), np.zeros(len(mesh[1]), [("corners", "u1"), ("at", "<i4", 3)])
+    faces["corners"], faces["at"] = 3, mesh[1]
+    return HEAD.format(len(vertices), len(faces)).encode() + vertices.tobytes() + faces.tobytes()
 
 
 def read_ply(path: Path) -> Mesh:

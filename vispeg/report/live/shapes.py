@@ -5,7 +5,10 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from vispeg.robots.solids import box, capsule, solid
+
 G = mujoco.mjtGeom
+SECTIONS = 24  # number of sides that approximate a circle
 HIDDEN = 3  # geom groups from this on are collision shapes and markers
 
 
@@ -26,9 +29,6 @@ def skeleton(model: mujoco.MjModel) -> list[tuple[int, np.ndarray, np.ndarray]]:
     A link is a body with all bodies fixed to it. Its capsules reach from its joint to the next joints; at the end of a
     chain, to twice the distance of its centre of mass. Vertices are in the body's axes.
     """
-    from trimesh import creation
-    from trimesh.transformations import rotation_matrix
-
     shaped = {int(model.body_weldid[model.geom_bodyid[g]]) for g in visible(model)}
     bare = [b for b in range(1, model.nbody) if model.body_weldid[b] == b and b not in shaped]
     if not bare:
@@ -55,14 +55,14 @@ def skeleton(model: mujoco.MjModel) -> list[tuple[int, np.ndarray, np.ndarray]]:
     for b in bare:
         axes = data.xmat[b].reshape(3, 3)
         for end, length in zip(ends[b], lengths[b], strict=True):
-            made = creation.capsule(height=length, radius=radius, count=(16, 16))
-            made.apply_translation((0.0, 0.0, length / 2))  # from the origin along z
+            vertices, faces = capsule(radius, length / 2, SECTIONS)
+            vertices = vertices + (0.0, 0.0, length / 2)  # from the origin along z
             if length > 1e-9:
-                to = axes.T @ (end - data.xpos[b]) / length
-                axis = np.cross((0.0, 0.0, 1.0), to)
-                axis = axis if np.linalg.norm(axis) > 1e-9 else np.array([1.0, 0.0, 0.0])
-                made.apply_transform(rotation_matrix(float(np.arccos(np.clip(to[2], -1, 1))), axis))
-            out.append((b, np.asarray(made.vertices, np.float32), np.asarray(made.faces, np.uint32)))
+                turn, quat = np.empty(9), np.empty(4)
+                mujoco.mju_quatZ2Vec(quat, axes.T @ (end - data.xpos[b]))
+                mujoco.mju_quat2Mat(turn, quat)
+                vertices = vertices @ turn.reshape(3, 3).T
+            out.append((b, vertices.astype(np.float32), faces.astype(np.uint32)))
     return out
 
 
@@ -77,31 +77,11 @@ def colour_of(model: mujoco.MjModel, g: int) -> tuple[float, ...]:
 
 def shape_of(model: mujoco.MjModel, g: int) -> tuple[np.ndarray, np.ndarray] | None:
     """Return vertices (V, 3), m, and faces (F, 3) of a geom in its own axes; None for other kinds of geom."""
-    from trimesh import creation
-
-    kind, size = G(int(model.geom_type[g])), model.geom_size[g]
-    if kind == G.mjGEOM_MESH:
-        m = int(model.geom_dataid[g])
-        v, f = int(model.mesh_vertadr[m]), int(model.mesh_faceadr[m])
-        vertices = model.mesh_vert[v : v + int(model.mesh_vertnum[m])]
-        return vertices.copy(), model.mesh_face[f : f + int(model.mesh_facenum[m])].astype(np.uint32)
-    if kind == G.mjGEOM_BOX:
-        made = creation.box(extents=2 * size)
-    elif kind == G.mjGEOM_SPHERE:
-        made = creation.icosphere(subdivisions=2, radius=size[0])
-    elif kind == G.mjGEOM_ELLIPSOID:
-        made = creation.icosphere(subdivisions=2)
-        made.apply_scale(size)
-    elif kind == G.mjGEOM_CYLINDER:
-        made = creation.cylinder(radius=size[0], height=2 * size[1], sections=32)
-    elif kind == G.mjGEOM_CAPSULE:
-        made = creation.capsule(height=2 * size[1], radius=size[0], count=(16, 16))
-    elif kind == G.mjGEOM_PLANE:
-        extent = [2 * s if s > 0 else 4.0 for s in size[:2]]
-        made = creation.box(extents=(*extent, 1e-3))
+    if model.geom_type[g] == G.mjGEOM_PLANE:
+        made = box(np.array([*(s if s > 0 else 2.0 for s in model.geom_size[g, :2]), 5e-4]))
     else:
-        return None
-    return np.asarray(made.vertices, np.float32), np.asarray(made.faces, np.uint32)
+        made = solid(model, g, SECTIONS)
+    return None if made is None else (made[0].astype(np.float32), made[1].astype(np.uint32))
 
 
 def simplified(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
