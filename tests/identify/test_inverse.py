@@ -55,25 +55,50 @@ def test_nominal_torque_is_mujocos_inverse(evidence):
             np.testing.assert_allclose(predicted[0, k], data.qfrc_inverse, atol=1e-8)
 
 
-def test_springs_and_damping_of_a_file_act_as_mujocos(tmp_path):
-    """Polynomials too; also in the torques that an arm in contact needs."""
-    (tmp_path / "arm.xml").write_text(
-        ARM.replace("<joint", '<joint damping="1 .7 .3" stiffness="4 3 2" springref=".5"')
-    )
-    robot, time = load(tmp_path / "arm.xml"), np.arange(600) / 200.0
+SPRUNG = ARM.replace("<joint", '<joint damping="1 .7 .3" stiffness="4 3 2" springref=".5"')
+TENDON = "<joint joint='shoulder' coef='1'/><joint joint='elbow' coef='-.5'/></fixed></tendon></mujoco>"
+PULLED = ARM.replace("</mujoco>", "<tendon><fixed stiffness='3' damping='.4' springlength='.2'>" + TENDON)
+ROPE = ARM.replace("</mujoco>", "<tendon><fixed name='rope' range='-1 1' limited='true'>" + TENDON)
+WITHIN = {
+    "joints": SPRUNG,
+    "tendon": PULLED,
+    "medium": ARM.replace("<worldbody>", '<option density="1000" viscosity="3" wind="1 0 0"/><worldbody>', 1),
+}
+
+
+def in_silence(folder: Path, text: str) -> TorqueEvidence:
+    """Evidence of an arm of a file, whose two joints swing, without any torque."""
+    (folder / "arm.xml").write_text(text)
+    robot, time = load(folder / "arm.xml"), np.arange(600) / 200.0
     q = np.stack([np.sin(3.0 * time), np.cos(2.0 * time)], axis=1)
     read = {"tau": np.zeros_like(q), "torque_sensor": "motor"}
-    rec = Recording(tmp_path, robot.source, robot.joints, 200.0, Control("unknown", 200.0), time, q, **read)
-    evidence = TorqueEvidence([rec])
+    return TorqueEvidence(
+        [Recording(folder, robot.source, robot.joints, 200.0, Control("unknown", 200.0), time, q, **read)]
+    )
+
+
+@pytest.mark.parametrize("what", WITHIN)
+def test_passive_forces_of_a_file_act_as_mujocos(what, tmp_path):
+    """Springs and damping of joints (polynomials too) and tendons, and drag; also in what an arm in contact needs."""
+    evidence = in_silence(tmp_path, WITHIN[what])
     (seg,), ddq = [item.segment for item in evidence.items], accelerations(evidence.items[0])
+    robot = load(tmp_path / "arm.xml")
     model = robot.compile()
     data, expected = mujoco.MjData(model), np.empty_like(ddq)
+    largest = 0.0
     for k in range(len(ddq)):
         data.qpos[:], data.qvel[:], data.qacc[:] = seg.q[k], seg.dq[k], ddq[k]
         mujoco.mj_inverse(model, data)
-        expected[k] = data.qfrc_inverse
+        expected[k], largest = data.qfrc_inverse, max(largest, abs(data.qfrc_passive).max())
+    assert largest > 0.1 and not any("does not count" in line for line in evidence.notes)
     np.testing.assert_allclose(evidence.simulated([World()])[0][0], expected, atol=1e-8)
     np.testing.assert_allclose(needed(robot, seg.q, seg.dq, ddq), expected, atol=1e-8)
+
+
+def test_what_inverse_dynamics_does_not_count_is_said(tmp_path):
+    coupled = ROPE.replace("</mujoco>", "<equality><joint joint1='shoulder' joint2='elbow'/></equality></mujoco>")
+    (said,) = [line for line in in_silence(tmp_path, coupled).notes if "does not count" in line]
+    assert said.endswith(": coupling of shoulder and elbow, limit or friction of tendon rope")
 
 
 def test_nominal_torque_is_what_the_sensor_read(evidence):

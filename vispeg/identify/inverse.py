@@ -12,7 +12,6 @@ from copy import copy
 
 import mujoco
 import numpy as np
-from mujoco import batch as mjb
 
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
@@ -27,7 +26,7 @@ from vispeg.recordings.noise import highpass_sigma
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import compiled
-from vispeg.sim.nominal import dense
+from vispeg.sim.inverse_dynamics import InverseDynamics, uncounted
 from vispeg.sim.physics import EffectLoop
 from vispeg.sim.placement import activate
 from vispeg.sim.segments.segment import Segment
@@ -67,6 +66,8 @@ class TorqueEvidence(Evidence):
         # joint's own noise as its sigma at .249, with 5 % of the joint's torque added to that at .358
         # (scripts/bench/real_arms.py).
         sigma, self._floors = np.full_like(noise, np.sqrt(np.mean(noise**2))), noise
+        lacking = dict.fromkeys(line for rec in recordings for line in uncounted(compiled(robot_of(rec))))
+        self.notes += [f"inverse dynamics does not count: {', '.join(lacking)}"] if lacking else []
         self.notes += [rec.chosen.said(rec.name) for rec in recordings if rec.chosen]
         self.notes += [line for rec in recordings for line in missing.said(rec)]
         touched = [(rec, contact_of(rec, robot_of(rec))) for rec in recordings]
@@ -155,7 +156,8 @@ class TorqueEvidence(Evidence):
 def rigid_body(robot: RobotModel, world: World, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return inertia (n, nj, nj) kg m2 and bias torque (n, nj) N m of a world's links at n states, rad and rad/s.
 
-    Bias is gravity, centrifugal and Coriolis torque. Of the world only effects that change masses or gravity matter.
+    Bias is gravity, centrifugal and Coriolis torque, less the torque of tendons and the medium; springs and dampers of
+    joints, which effects change, are not in it. Of the world only effects that change masses or gravity matter.
     """
     model = copy(compiled(robot))
     rigid = World(effects=tuple(e for e in world.effects if effect(e.effect).writes & RIGID))
@@ -166,12 +168,9 @@ def rigid_body(robot: RobotModel, world: World, q: np.ndarray, dq: np.ndarray) -
         owner = model.opt if name.startswith("opt.") else model
         getattr(owner, name.removeprefix("opt."))[:] = fields[name][0]
     mujoco.mj_setConst(model, mujoco.MjData(model))  # else inertias of a body whose axes were its own are ignored
-    batch = mjb.Batch(model, len(q), nthread=1)
-    batch.bind("qpos")[:, fields.qposes], batch.bind("qvel")[:, fields.dofs] = q, dq
-    bias, mass = batch.bind("qfrc_bias"), batch.bind("M")
-    batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
-    v = fields.dofs
-    return dense(model, mass)[:, v][:, :, v], bias[:, v].copy()
+    for name in ("jnt_stiffness", "jnt_stiffnesspoly", "dof_damping", "dof_dampingpoly"):
+        getattr(model, name)[:] = 0.0
+    return InverseDynamics(model, robot.joints).terms(q, dq)
 
 
 def evidence_for(recordings: Sequence[Recording], nthread: int = 1, *, beside: Sequence[Recording] = ()) -> Evidence:

@@ -12,16 +12,14 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
-from mujoco import batch as mjb
 
 from vispeg.recordings.differentiate import bridged, episodes, smooth
 from vispeg.recordings.noise import highpass_sigma
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import ARMS, compiled, nominal_of
-from vispeg.sim.nominal import dense
+from vispeg.sim.inverse_dynamics import InverseDynamics
 
 MOTION_HZ = 8.0  # bandwidth of the motion from which accelerations are computed
 WRENCH_HZ = 20.0  # bandwidth of the wrench: above it, torque noise exceeds the contact's signal
@@ -101,18 +99,7 @@ def needed(arm: RobotModel, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> n
             above = int(model.body_parentid[above])
         if above:
             model.body_mass[body], model.body_inertia[body] = 0.0, 0.0
-    dofs = np.array([model.joint(j).dofadr[0] for j in arm.joints])
-    places = np.array([model.joint(j).qposadr[0] for j in arm.joints])
-    out = np.empty_like(q)
-    for start in range(0, len(q), ARMS):
-        some = slice(start, start + ARMS)
-        batch = mjb.Batch(model, len(q[some]), nthread=1)
-        batch.bind("qpos")[:, places], batch.bind("qvel")[:, dofs] = q[some], dq[some]
-        bias, passive, mass = batch.bind("qfrc_bias"), batch.bind("qfrc_passive"), batch.bind("M")
-        batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
-        full = dense(model, mass)[:, dofs][:, :, dofs]
-        out[some] = np.einsum("nij,nj->ni", full, ddq[some]) + (bias - passive)[:, dofs]
-    return out
+    return InverseDynamics(model, arm.joints).torque(q, dq, ddq)
 
 
 def flange_jacobian(arm: RobotModel, q: np.ndarray) -> np.ndarray:

@@ -50,14 +50,6 @@ class Nominal:
         self.batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
         return self.bias[:, self.vadr]
 
-    def torque(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-        """Return the inverse dynamics (nsim, nj) N m for a motion (nsim, nj) in rad, rad/s and rad/s^2."""
-        inertia = self.batch.bind("M")
-        self.qpos[:, self.qadr], self.qvel[:, self.vadr] = q, dq
-        self.batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
-        full = dense(self.batch.model, inertia)[:, :, self.vadr][:, self.vadr]
-        return self.bias[:, self.vadr] + np.einsum("nij,nj->ni", full, ddq)
-
     def operational(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return the quantities of operational space control at joint angles q (n, nj) rad.
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from vispeg.core.errors import UserError
@@ -12,7 +10,8 @@ from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.importers.plausible import Needs, doubts
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel, load_for
-from vispeg.sim.compiled import ARMS, nominal_of
+from vispeg.sim.compiled import compiled
+from vispeg.sim.inverse_dynamics import InverseDynamics
 
 
 def needs_of(robot: RobotModel, rec: Recording) -> Needs | None:
@@ -24,15 +23,12 @@ def needs_of(robot: RobotModel, rec: Recording) -> Needs | None:
         return None
 
     order = [robot.joints.index(joint) for joint in rec.joints]
-    arms = lru_cache(maxsize=2)(lambda n: nominal_of(robot, n))  # whole blocks, and the rest
+    dynamics = InverseDynamics(compiled(robot), robot.joints)
 
     def needs(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-        motion, out = np.empty((3, *q.shape)), np.empty_like(q)
+        motion = np.empty((3, *q.shape))
         motion[..., order] = q, dq, ddq
-        for start in range(0, len(q), ARMS):
-            block = motion[:, start : start + ARMS]
-            out[start : start + ARMS] = arms(block.shape[1]).torque(*block)[:, order]
-        return out
+        return dynamics.torque(motion[0], motion[1], motion[2])[:, order]
 
     return needs
 
