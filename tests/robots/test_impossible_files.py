@@ -43,6 +43,8 @@ def refused(kind, folder, change, said, monkeypatch):
         ('xyz="0 0 0.4"', 'xyz="0 nan 0.4"', "shoulder.origin.xyz: not a number"),
         ('xyz="0 0 0.4"', 'xyz="0 0.4"', "shoulder.origin.xyz: wrong count of numbers; expected 3"),
         ('lower="-2" upper="2"', 'lower="2" upper="-2"', "shoulder: limits are inverted"),
+        ("<axis", '<mimic joint="knee"/><axis', "shoulder.mimic: no such joint to follow; got 'knee'; choices: elbow"),
+        ("<axis", '<mimic joint="elbow" offset="x"/><axis', "shoulder.mimic.offset: not a number; got 'x'"),
         ('type="revolute"', 'type="planar"', "shoulder: a joint of an unknown type; got 'planar'; choices"),
         ('type="revolute"', 'type="revolut"', "did you mean 'revolute'"),
         ("</robot>", TWICE, "elbow: two joints of one name"),

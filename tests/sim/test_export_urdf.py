@@ -146,6 +146,46 @@ def test_what_urdf_cannot_say_is_named_and_two_joints_in_a_body_are_refused(tmp_
         to_urdf(World(str(tmp_path / "two.xml")))
 
 
+COUPLED = (
+    OFFSET.replace('range="-2 1"', 'range="-2 1" ref="0.7"')
+    .replace('name="j2"', 'name="j2" ref="-0.4"')
+    .replace("</mujoco>", "<equality><joint joint1='j2' joint2='j1' polycoef='.1 -.7 0 0 0'/></equality></mujoco>")
+)
+
+
+def test_a_joint_that_follows_another_does_so_in_the_urdf_and_when_that_is_read(tmp_path):
+    (tmp_path / "arm.xml").write_text(COUPLED)
+    made = to_urdf(World(str(tmp_path / "arm.xml")))
+    assert '<mimic joint="j1"' in made.xml and not made.lacking
+    (tmp_path / "again.urdf").write_text(made.xml)
+    off = []
+    for model in (mujoco.MjModel.from_xml_string(COUPLED), load(tmp_path / "again.urdf").compile()):
+        data, found = mujoco.MjData(model), []
+        for data.qpos[:] in stream(0, "coupled").uniform(-0.5, 0.5, (5, 2)):
+            mujoco.mj_forward(model, data)
+            found.append(float(data.efc_pos[data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY][0]))
+        off.append(found)
+    assert np.allclose(*off, atol=1e-9) and np.ptp(off) > 0.1
+
+
+def test_what_of_a_file_urdf_has_no_element_for_is_said(tmp_path, capsys):
+    from vispeg.cli.main import run
+
+    tendon = "<tendon><fixed name='rope'><joint joint='j1' coef='1'/></fixed></tendon>"
+    option = "<option gravity='0 0 -1.62' density='1.2'/></mujoco>"
+    text = COUPLED.replace("-.7 0 0 0", "-.7 .2 0 0").replace('name="j2"', 'name="j2" stiffness="3" damping="1 2"')
+    text = text.replace('type="sphere" size="0.05"', 'type="capsule" size="0.05 0.1"')
+    (tmp_path / "arm.xml").write_text(text.replace("</mujoco>", tendon + option))
+    made = to_urdf(World(str(tmp_path / "arm.xml")))
+    springs, *others, gravity, medium = made.lacking
+    assert (springs, gravity) == ("springs of j2", "gravity of 0 0 -1.62 m/s^2") and medium.startswith(
+        "a medium of 1.2"
+    )
+    assert others == ["damping that grows with speed of j2", "couplings equality1", "tendons rope", "shapes capsule"]
+    assert run(["export", str(tmp_path / "arm.xml"), "--to", "urdf", "--out", str(tmp_path / "arm.urdf")]) == 0
+    assert f"URDF has no element for it: {'; '.join(made.lacking)}" in " ".join(capsys.readouterr().out.split())
+
+
 def test_the_command_writes_the_file_its_meshes_and_what_is_not_in_it(tmp_path, capsys):
     from vispeg.cli.main import run
     from vispeg.worlds.model_file import model_text

@@ -1,7 +1,7 @@
 """Read a URDF as a rigid arm, even if meshes are missing.
 
-Links, inertias, joints, limits, and shapes whose files are found are used. `<dynamics>` (damping, friction) is ignored:
-its numbers are rarely measured, and friction is an effect that is identified from recordings.
+Links, inertias, joints, limits, couplings (`<mimic>`) and shapes whose files are found are used. `<dynamics>` (damping,
+friction) is ignored: its numbers are rarely measured, and friction is an effect that is identified from recordings.
 """
 
 from __future__ import annotations
@@ -59,6 +59,7 @@ def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
         spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
     except REFUSALS as error:
         raise UserError(f"MuJoCo cannot read it: {error}", file=path) from error
+    _couple(spec, root)
     for joint in spec.joints:
         joint.damping, joint.frictionloss = [0.0, 0.0, 0.0], 0.0
         body = joint.parent
@@ -70,6 +71,18 @@ def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
         visual = geom.contype == 0 and geom.conaffinity == 0
         geom.group = 2 if visual else 3
     return spec, limits
+
+
+def _couple(spec: mujoco.MjSpec, root: ET.Element) -> None:
+    """Add the couplings that `<mimic>` states, which MuJoCo does not read."""
+    for joint in root.findall("joint"):
+        mimic = joint.find("mimic")
+        if mimic is None or joint.get("type") == "fixed":
+            continue
+        line = float(mimic.get("offset") or 0), float(mimic.get("multiplier") or 1)
+        coupling = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT)
+        coupling.name1, coupling.name2 = joint.get("name", ""), mimic.get("joint", "")
+        coupling.data[:5] = (*line, 0.0, 0.0, 0.0)
 
 
 def _complete_ranges(root: ET.Element) -> None:

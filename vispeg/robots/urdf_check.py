@@ -15,6 +15,7 @@ LARGEST = 1e6  # kg, m, kg m^2, rad: larger numbers are taken for mistakes
 NUMBERS = {  # tag -> attribute -> how many numbers it holds
     "origin": {"xyz": 3, "rpy": 3},
     "axis": {"xyz": 3},
+    "mimic": {"multiplier": 1, "offset": 1},
     "mass": {"value": 1},
     "inertia": dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), 1),
     "box": {"size": 3},
@@ -29,9 +30,9 @@ def check_urdf(root: ET.Element, path: Path) -> None:
     """Check names, joint types and numbers below `<robot>`; `path` is the file, for the error.
 
     Raises:
-        UserError: a missing or repeated name, more than `LINKS` links or joints, a joint type not in `JOINTS`, or an
-            impossible number: not as many as `NUMBERS` says, too large, an axis of length 0, inverted limits, or a
-            negative mass.
+        UserError: a missing or repeated name, more than `LINKS` links or joints, a joint type not in `JOINTS`, a joint
+            that follows none that moves, or an impossible number: not as many as `NUMBERS` says, too large, an axis of
+            length 0, inverted limits, or a negative mass.
     """
     for tag in ("link", "joint"):
         names: set[str] = set()
@@ -49,6 +50,7 @@ def check_urdf(root: ET.Element, path: Path) -> None:
             raise UserError(f"has too many {tag}s", file=path, expected=f"at most {LINKS}", got=len(names))
     for joint in root.findall("joint"):
         _joint(joint, path)
+    _mimics(root, path)
     for link in root.findall("link"):
         mass = link.find("inertial/mass")
         if mass is not None and float(mass.get("value") or 0) < 0:  # that it is a number is checked above
@@ -75,6 +77,17 @@ def _joint(joint: ET.Element, path: Path) -> None:
     low, high = (_number(limit.get(key) or "0", f"{name}.{key}", path) for key in ("lower", "upper"))
     if low > high:
         raise UserError("limits are inverted", file=path, key=name, expected="lower <= upper", got=[low, high])
+
+
+def _mimics(root: ET.Element, path: Path) -> None:
+    """Check that every joint that mimics another mimics one that moves, and not itself."""
+    moving = [joint.get("name", "") for joint in root.findall("joint") if joint.get("type") != "fixed"]
+    for joint in root.findall("joint"):
+        mimic = joint.find("mimic")
+        others = [name for name in moving if name != joint.get("name")]
+        if mimic is not None and joint.get("type") != "fixed" and mimic.get("joint") not in others:
+            key, got = f"{joint.get('name')}.mimic", mimic.get("joint")
+            raise UserError("no such joint to follow", file=path, key=key, got=got, choices=others)
 
 
 def _numbers(element: ET.Element, key: str, count: int, where: str, path: Path) -> Sequence[float]:

@@ -36,6 +36,7 @@ class ExportedModel:
         native: labels of the effects in the file.
         left_out: labels of the effects that the format has no element for.
         rotors: joint -> rotor inertia, kg m2, which a URDF cannot hold.
+        lacking: what else of the model a URDF cannot hold.
     """
 
     file: Path
@@ -45,13 +46,15 @@ class ExportedModel:
     native: Sequence[str]
     left_out: Sequence[str]
     rotors: Mapping[str, float] = field(default_factory=dict)
+    lacking: Sequence[str] = ()
 
     @property
     def record(self) -> dict[str, object]:
         """The output of `vispeg export --json`."""
         rotors = {"rotor_inertia": dict(self.rotors)} if self.rotors else {}
         effects = {"native": [*self.native], "left_out": [*self.left_out]}
-        return {self.to: str(self.file), "meshes": [*self.meshes], **effects, **rotors}
+        lacking = {"lacking": [*self.lacking]} if self.lacking else {}
+        return {self.to: str(self.file), "meshes": [*self.meshes], **effects, **rotors, **lacking}
 
     @property
     def summary(self) -> list[Block]:
@@ -60,8 +63,9 @@ class ExportedModel:
         lines = [f"{self.file}: {self.robot}, {len(self.meshes)} meshes and textures beside it"]
         lines += [f"in it: {label}" for label in self.native]
         lines += [f"not in it, {program} has no element for it: {label}" for label in self.left_out]
-        if self.rotors:
-            lines.append(f"not in it, URDF has no element for it: rotor inertia of {', '.join(self.rotors)}")
+        lacking = [f"rotor inertia of {', '.join(self.rotors)}"] if self.rotors else []
+        if lacking := [*lacking, *self.lacking]:
+            lines.append(f"not in it, URDF has no element for it: {'; '.join(lacking)}")
         return [Line(text, path=True) for text in lines]
 
     def _repr_html_(self) -> str:
@@ -116,4 +120,5 @@ def export_model(
         raise UserError("exists already; name another or pass --overwrite", file=path)
     write_files_atomic({**meshes, path: made.xml.encode()}, overwrite=overwrite)
     native, left_out = ([e.label for e in effects] for effects in (made.native, made.left_out))
-    return ExportedModel(path, to, world.robot, [*made.meshes], native, left_out, getattr(made, "rotors", {}))
+    more = {} if isinstance(made, Exported) else {"rotors": made.rotors, "lacking": made.lacking}
+    return ExportedModel(path, to, world.robot, [*made.meshes], native, left_out, **more)

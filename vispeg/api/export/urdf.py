@@ -1,4 +1,4 @@
-"""Write a world's arm as URDF: links, shapes, joints with limits, damping and dry friction."""
+"""Write a world's arm as URDF: links, shapes, joints with limits, damping, dry friction and linear couplings."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from trimesh.exchange.stl import export_stl
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
-from vispeg.robots.model import RobotModel, load
+from vispeg.robots.model import GRAVITY, RobotModel, load
 from vispeg.sim.export import compiled_with, is_native, listed
 from vispeg.worlds.world import World
 
@@ -29,6 +29,7 @@ HOLDS = {
 }  # fields of the MuJoCo model that a URDF can express
 KINDS = {int(mujoco.mjtJoint.mjJNT_HINGE): "revolute", int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic"}
 G = mujoco.mjtGeom
+SHAPES = ("mesh", "box", "sphere", "cylinder")  # that URDF has
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,7 @@ class Urdf:
         native: effects that are included.
         left_out: effects that URDF has no element for.
         rotors: joint -> rotor inertia of the model, kg m2, which URDF has no element for.
+        lacking: what else of the model URDF has no element for, such as `springs of joint1`.
         meshes: path in the text -> content of the mesh file.
     """
 
@@ -47,6 +49,7 @@ class Urdf:
     native: tuple[EffectInstance, ...]
     left_out: tuple[EffectInstance, ...]
     rotors: Mapping[str, float]
+    lacking: tuple[str, ...]
     meshes: Mapping[str, bytes]
 
 
@@ -72,6 +75,7 @@ def to_urdf(world: World, meshes: str = "meshes") -> Urdf:
     spec, files = robot.spec(), dict[str, bytes]()
     plain = spec.compile()  # gives the spec's elements their ids
     root, shift = xml.Element("robot", name=Path(world.robot).stem), _anchors(model)
+    mimics = _mimics(model)
     for b in range(model.nbody):
         link = xml.SubElement(root, "link", name=_name(model, b))
         if model.body_mass[b] > 0:
@@ -79,13 +83,45 @@ def to_urdf(world: World, meshes: str = "meshes") -> Urdf:
         if b:
             _shapes(link, spec, plain, model.body(b).name, shift[b], meshes, files)
     for b in range(1, model.nbody):
-        _joint(root, model, robot, b, shift)
+        _joint(root, model, robot, b, shift, mimics)
     _flange(root, model, robot.flange, shift)
     left_out = tuple(e for e in world.effects if e not in native)
     rotors = {n: float(a) for n in robot.joints if (a := model.dof_armature[model.joint(n).dofadr[0]]) > 0}
     xml.indent(root)
     text = '<?xml version="1.0"?>\n' + listed(left_out, "URDF") + xml.tostring(root, encoding="unicode") + "\n"
-    return Urdf(text, native, left_out, rotors, files)
+    return Urdf(text, native, left_out, rotors, _lacking(model, plain, mimics), files)
+
+
+def _mimics(model: mujoco.MjModel) -> dict[int, int]:
+    """Return joint -> the equality that makes it a linear function of another, which URDF holds; one for each joint."""
+    out: dict[int, int] = {}
+    for i in np.flatnonzero(model.eq_active0):
+        linear = model.eq_type[i] == mujoco.mjtEq.mjEQ_JOINT and not model.eq_data[i, 2:5].any()
+        if linear and model.eq_obj2id[i] >= 0:
+            out.setdefault(int(model.eq_obj1id[i]), int(i))
+    return out
+
+
+def _lacking(model: mujoco.MjModel, plain: mujoco.MjModel, mimics: Mapping[int, int]) -> tuple[str, ...]:
+    """Return what of a model URDF has no element for; `plain` is it without effects, whose shapes are exported."""
+    of = [model.joint(j).name for j in range(model.njnt)]
+    sprung = (model.jnt_stiffness > 0) | model.jnt_stiffnesspoly.any(axis=1)
+    curved = model.dof_dampingpoly[model.jnt_dofadr].any(axis=1)
+    named = {
+        "springs of": [name for name, there in zip(of, sprung, strict=True) if there],
+        "damping that grows with speed of": [name for name, there in zip(of, curved, strict=True) if there],
+        "couplings": [
+            model.equality(i).name or f"equality{i + 1}" for i in range(model.neq) if i not in mimics.values()
+        ],
+        "tendons": [model.tendon(i).name or f"tendon{i + 1}" for i in range(model.ntendon)],
+        "shapes": sorted({G(int(k)).name[7:].lower() for k in plain.geom_type[plain.geom_bodyid > 0]} - {*SHAPES}),
+    }
+    out = [f"{what} {', '.join(names)}" for what, names in named.items() if names]
+    if not np.allclose(model.opt.gravity, (0, 0, -GRAVITY)):
+        out.append(f"gravity of {_numbers(model.opt.gravity)} m/s^2")
+    if model.opt.density or model.opt.viscosity:
+        out.append(f"a medium of {model.opt.density:g} kg/m^3 and {model.opt.viscosity:g} Pa s")
+    return tuple(out)
 
 
 def _anchors(model: mujoco.MjModel) -> np.ndarray:
@@ -198,7 +234,9 @@ def _mesh(
     return f"{mesh.name}.stl", content, np.ones(3), (np.zeros(3), Rotation.identity())
 
 
-def _joint(root: xml.Element, model: mujoco.MjModel, robot: RobotModel, b: int, shift: np.ndarray) -> None:
+def _joint(
+    root: xml.Element, model: mujoco.MjModel, robot: RobotModel, b: int, shift: np.ndarray, mimics: Mapping[int, int]
+) -> None:
     parent = int(model.body_parentid[b])
     moved = [j for j in range(model.njnt) if model.jnt_bodyid[j] == b]
     kind = KINDS[int(model.jnt_type[moved[0]])] if moved else "fixed"
@@ -224,3 +262,8 @@ def _joint(root: xml.Element, model: mujoco.MjModel, robot: RobotModel, b: int, 
     most = {"effort": robot.torque_limit, "velocity": robot.velocity_limit}
     ends = {key: 0.0 if at is None or not np.isfinite(v[at]) else float(v[at]) for key, v in most.items()}
     xml.SubElement(joint, "limit", {k: f"{v:.12g}" for k, v in {"lower": low, "upper": high, **ends}.items()})
+    if j in mimics:
+        at, offset, factor = model.eq_obj2id[mimics[j]], *model.eq_data[mimics[j], :2]
+        rest, other = model.qpos0[model.jnt_qposadr[[j, at]]]  # the coupling is of angles from there
+        line = {"multiplier": f"{factor:.12g}", "offset": f"{rest + offset - factor * other:.12g}"}
+        xml.SubElement(joint, "mimic", {"joint": model.joint(int(at)).name, **line})
