@@ -34,7 +34,7 @@ from vispeg.sim.shares import processes, shared
 from vispeg.worlds.world import World
 
 SOFT_STEP = 0.5  # factor of the physics step under OSC: its soft null space amplifies integration error
-SERVO_STEP = 2.5e-3  # s: a servo loop is integrated by a stable rule, and is no faster than 150 rad/s
+SERVO_STEP = 2.5e-3  # s: a servo is no faster than 150 rad/s; a rollout takes less where `stable_step` of the arm is
 MODEL_SIGMA = 4e-6  # rad: accuracy of the integrator
 PENALTY = 1e4  # whitened residual of a rollout that diverged
 # Most readings in one evidence; beyond it samples are thinned evenly, since memory grows as readings times parameters

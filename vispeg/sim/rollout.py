@@ -164,6 +164,8 @@ class _Run:
                 if sub:
                     plant.read()
                 motor = plant.step(command if self.servos is None else self.servos.torque(command), hold)
+                if self.servos is not None and not sub:  # a loop's torque is a mean over its step: that at the tick
+                    out[3, k] = 0.5 * (out[3, k] + motor)
             for i in ends.get(k, ()):
                 self._end(i)
         out[2:, 0] = out[2:, 1]  # there is no torque before the first step

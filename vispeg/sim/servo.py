@@ -13,7 +13,9 @@ from vispeg.sim.compiled import nominal_of
 from vispeg.sim.plant import Plant
 
 POSTURES = 64  # number of postures over which the inertia is evaluated
-RESOLVED = 0.5  # rad, largest phase of the fastest mode per physics step
+# Largest share of a mode's velocity that the loops' damping may remove per physics step. `Plant` and `ServoLoop` are
+# stable up to 1.17 in seven arms of 2 to 7 joints, in all pairs of postures and for damping ratios of 1 and 2.
+DAMPED = 1.0
 
 
 class Servos:
@@ -50,12 +52,13 @@ def reference_inertia(robot: RobotModel) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def stable_step(robot: RobotModel) -> float:
-    """Return the greatest physics step, s, that resolves the fastest mode of the arm under ideal servos.
+    """Return the greatest physics step, s, at which the arm under ideal servos is stable.
 
-    Through inertial coupling, the arm's fastest mode is sqrt(max eig(M^-1 J)) times as fast as a single servo.
+    Through inertial coupling, the arm's most damped mode loses velocity at max eig(M^-1 J) times the rate of a single
+    servo's, 2 zeta w, and `ServoLoop.torque` knows each joint's own inertia alone.
     """
     modes = np.linalg.eigvals(np.linalg.solve(_masses(robot), np.diag(reference_inertia(robot))[None]))
-    return RESOLVED / (FAST * float(np.sqrt(np.max(modes.real))))
+    return DAMPED / (2.0 * FAST * float(np.max(modes.real)))
 
 
 def _masses(robot: RobotModel) -> np.ndarray:
