@@ -166,6 +166,20 @@ def test_torque_of_no_stated_sensor_is_used_nowhere():
         assert item.measured.shape[1] == channels, sensor
 
 
+def test_friction_before_a_joint_torque_sensor_leaves_no_trace_which_is_said():
+    """The arm of a simulated recording loses 2 N m in a drive; only the motor's torque shows it."""
+    world, rms = World().add(EffectInstance.of("coulomb_friction", "joint4", torque=2.0)), {}
+    for sensor in ("joint", "motor"):
+        rec = recorded(ROBOT, "iiwa14", world, iiwa_segment("position", 3.0), stream(1, "felt"), sensor=sensor)
+        evidence = evidence_for([replace(rec, control=Control("unknown", rec.rate_hz), q_cmd=None, dq_cmd=None)])
+        (item,) = evidence.items
+        rms[sensor] = np.sqrt(
+            np.nanmean((evidence.simulated([World()])[0][0] - item.measured)[item.valid[:, 3], 3] ** 2)
+        )
+        assert any("behind the gear" in line for line in evidence.notes) == (sensor == "joint")
+    assert 3.0 * rms["joint"] < rms["motor"]
+
+
 def test_episodes_are_differentiated_each_on_its_own():
     a, b = passively(World(), 0), passively(World(), 1)
     both = {n: np.concatenate([getattr(a, n), getattr(b, n)]) for n in ("time", "q", "tau")}
