@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
-ROOMS: dict[str, ModuleType] = {
+ROOMS: dict[str, ModuleType] = {  # task's name -> its subpackage
     file.parent.name: import_module(f"{__name__}.{file.parent.name}")
     for file in sorted(Path(__file__).parent.glob("*/task.py"))
 }

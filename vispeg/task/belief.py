@@ -150,8 +150,8 @@ def _effects(stated: tuple[Mapping[str, Any], ...], scene: Scene, file: str | No
 def cell_of(world: World, rec: Recording) -> CellBelief | None:
     """Return the cell in which a model places a recording: the model's own, or the recording's if that is OPEN_CELL.
 
-    Return None for the scene in the robot's own file: if the model has no cell, or if the recording states a bench to
-    an open one.
+    Return None for the scene in the robot's own file: if the model has no cell, or if its cell is OPEN_CELL and the
+    recording states a bench.
     """
     if world.cell is None or (world.cell.open and rec.cell is not None and rec.cell.bench):
         return None

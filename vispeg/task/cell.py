@@ -17,7 +17,7 @@ from vispeg.sim.state import Fields, RowFields
 from vispeg.worlds.world import World
 
 CONSTANT = frozenset(mujoco.MjModel._setconst_inputs)  # fields from which MuJoCo derives other fields
-BAD = [
+BAD = [  # warnings with which MuJoCo resets a state that diverged
     int(w)
     for w in (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 ]
@@ -27,8 +27,8 @@ class Cell(Plant):
     """Cells with effects, one per row; see Plant. Contact is resolved by MuJoCo's own semi-implicit step.
 
     Positions of that step are second order if its velocity is read as that of the half step and a command is taken to
-    begin in the middle of its first step. Plant also makes forces that depend on velocity second order, at twice the
-    cost of a step. Here such forces (friction, damping, Coriolis) lag by half a step.
+    begin in the middle of its first step. Forces that depend on velocity (friction, damping, Coriolis) lag by half a
+    step here. Plant computes these, too, to second order, at twice the cost of a step.
 
     Args:
         scene: the nominal cell.
@@ -55,8 +55,8 @@ class Cell(Plant):
         self.site_pos, self.site_mat = self.batch.bind("site_xpos"), self.batch.bind("site_xmat")
         self.sensors = self.batch.bind("sensordata")
         self.filtered, self.mean = False, np.zeros_like(self.sensors)
-        self._held_by = scene.slip  # joint along which the held part may slip; "" if it cannot
-        self.slip = self.model.joint(scene.slip).qposadr[0] if scene.slip else None
+        self._slip_joint = scene.slip  # joint along which the held part may slip; "" if it cannot
+        self.slip = self.model.joint(scene.slip).qposadr[0] if scene.slip else None  # its index in qpos
         self.qposes = np.arange(self.model.nq)[self.qadr]
         self.dofs = np.arange(self.model.nv)[self.vadr]
         self.bodies = self.model.dof_bodyid[self.dofs]
@@ -67,6 +67,7 @@ class Cell(Plant):
         self.hand = int(self.model.site_bodyid[self.site["flange"]])
 
     def _active(self, worlds: Sequence[World]) -> list[Active]:
+        """Return the effects of the worlds, and those of `names` that no world has yet, with absent parameters."""
         active = super()._active(worlds)
         placed = {a.effect.name for a in active}
         absent = [Active(effect(n), self._null(n)) for n in self.names if n not in placed]
@@ -146,8 +147,8 @@ class Cell(Plant):
         self.filtered = True
 
     def _firm(self, rows: np.ndarray | slice = slice(None)) -> None:
-        if self._held_by:
-            firm(self.batch, self.model, self._held_by, rows)
+        if self._slip_joint:
+            firm(self.batch, self.model, self._slip_joint, rows)
 
     def felt(self) -> np.ndarray:
         """Return the wrist sensor's reading: the wrench of the tool on the flange, flange frame, (nsim, 6) N and N m.
@@ -158,12 +159,17 @@ class Cell(Plant):
 
     @property
     def read_out(self) -> np.ndarray:
-        """Sensor values (nsim, k) of the last step or, if `filtered`, their mean over the steps of the last tick."""
+        """Sensor values (nsim, 10) of the last step or, if `filtered`, their mean over the steps of the last tick.
+
+        Columns 0:6 are the wrist's force (N) and torque (N m) in the flange frame, column 6 is whether there is
+        contact, columns 7:10 are the net contact force (N) in the world frame.
+        """
         return self.mean if self.filtered else self.sensors
 
     def gear_torque(self) -> np.ndarray:
         """Return the torque (nsim, nj) N m that the gears transmitted to the links in the last step."""
-        return self.x.tau if self.loop.acts and not self.loop.foreseen else self._geared(self.beside)
+        stored = self.loop.acts and not self.loop.foreseen  # by `_advance`, after each step
+        return self.x.tau if stored else self._geared(self.beside)
 
     def advance(self, command: np.ndarray, nsub: int) -> None:
         """Simulate `nsub` physics steps under the held command (nsim, nj) N m."""
@@ -171,7 +177,7 @@ class Cell(Plant):
             return self._advance(command, nsub)
         self.mean = np.zeros_like(self.sensors)
         for step in range(nsub):
-            if step:
+            if step:  # before the first step, the caller has read the state
                 self.read()
             self._advance(command, 1)
             self.mean += self.sensors / nsub

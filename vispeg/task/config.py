@@ -58,12 +58,13 @@ class TaskConfig:
             for none.
         guard_velocity: share of a joint's velocity limit above which the episode ends; 0 for no guard.
         guard_limit: distance of a joint to its limit below which the episode ends, rad; 0 for no guard.
-        guard_singularity: smallest singular value of the Jacobian below which the episode ends; 0 for no guard.
+        guard_singularity: the episode ends if the Jacobian's smallest singular value is below this (m and rad count
+            alike, see `vispeg.control.laws.singular`); 0 for no guard.
         start_height, start_radius: range of the tip's start relative to the nominal goal, m: lowest and highest height
             above it, greatest offset along x and y (+-).
         stack: number of time steps that an observation holds, the present one included.
         reward: one of the task's rewards by name, or a weight for each of its reward terms (vispeg.task.rewards).
-        reward_scale: m, unit of the term `distance`.
+        reward_scale: distance at which the reward term `distance` is 1, m.
         cameras: names of the cameras that policies with images see through.
         image_size: px of the shorter side of an image, at the same field of view; 0 for the camera's own size.
     """
@@ -169,7 +170,12 @@ def _each(value: Any) -> tuple[Any, ...]:
     return value if isinstance(value, tuple) else (value,)
 
 
-OFF_AT_0 = {"avoid_limits": 5000.0, "guard_velocity": 10.0, "guard_limit": 1.0, "guard_singularity": 1.0}
+OFF_AT_0 = {  # setting that 0 switches off -> its greatest value
+    "avoid_limits": 5000.0,
+    "guard_velocity": 10.0,
+    "guard_limit": 1.0,
+    "guard_singularity": 1.0,
+}
 ABOVE_0 = (
     "control_period",
     "policy_period",

@@ -37,9 +37,9 @@ class PoseControl:
         self.nominal = nominal_of(robot, nsim, nthread)
         self.kp = np.repeat(np.repeat(config.stiffness, 3)[None], nsim, axis=0)
         self.kd = 2 * np.sqrt(self.kp)
-        self.force_limit, self.home, self.limit = config.force_limit, home, robot.torque_limit
+        self.force_limit, self.home = config.force_limit, home
+        self.limit = robot.torque_limit  # (nj,) N m
         self.avoid, self.range = config.avoid_limits, robot.range
-        self.least = -self.limit
 
     def torque(self, q: np.ndarray, dq: np.ndarray, pos: np.ndarray, rot: np.ndarray) -> np.ndarray:
         """Return the joint torque (nsim, nj) N m, gravity included, that pulls the flange to a pose.
@@ -49,9 +49,10 @@ class PoseControl:
             pos, rot: flange pose in the base, (nsim, 3) m and (nsim, 4) wxyz.
         """
         state = self.nominal.operational(q)
+        *_, gravity = state
         pull = POSTURE * (self.home - q) - DAMPING * dq
         if self.avoid:
             pull += away(q, self.range, self.avoid)
         tau = hold_pose(state, dq, pos, rot, self.kp, self.kd, pull, self.force_limit)
-        tau += state[4]
-        return np.minimum(np.maximum(tau, self.least), self.limit)
+        tau += gravity
+        return np.minimum(np.maximum(tau, -self.limit), self.limit)

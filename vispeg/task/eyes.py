@@ -99,7 +99,8 @@ def rig_of(
     renderer = file.renderer if file is not None else {}
     cameras = task_cameras(scene, task, file.cameras if file is not None else {}) if wanted else ()
     width, height = FILM
-    outside = resized(standard_cameras(scene.tip, scene.target)[2], height)
+    *_, external = standard_cameras(scene.tip, scene.target)
+    outside = resized(external, height)
     return CameraRig(
         scene,
         cameras,

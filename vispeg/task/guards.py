@@ -38,8 +38,8 @@ class Guards:
     def __init__(self, config: TaskConfig, robot: RobotModel, nsim: int):
         self.velocity = config.guard_velocity * robot.velocity_limit if config.guard_velocity else None
         self.low, self.high = robot.range.T + np.array([[config.guard_limit], [-config.guard_limit]])
-        self.limit, self.least = config.guard_limit > 0, config.guard_singularity
-        self.on = self.velocity is not None or self.limit or self.least > 0
+        self.limit, self.singularity = config.guard_limit > 0, config.guard_singularity
+        self.on = self.velocity is not None or self.limit or self.singularity > 0
         self.stopped: list[str | None] = [None] * nsim
         if self.velocity is not None and not np.isfinite(self.velocity).any():
             expected = "robot.velocity_limit, rad/s a joint: the robot's file states none"
@@ -63,9 +63,9 @@ class Guards:
 
     def pose(self, jac: np.ndarray) -> None:
         """Check for singularities after a policy step, from the flange's Jacobian (nsim, 6, nj)."""
-        if self.least > 0:
+        if self.singularity > 0:
             fine = np.flatnonzero(np.isfinite(jac).all(axis=(1, 2)))  # the other rows have diverged
-            self._stop(fine[singular(jac[fine]) < self.least], SINGULARITY)
+            self._stop(fine[singular(jac[fine]) < self.singularity], SINGULARITY)
 
     def _stop(self, rows: np.ndarray, category: str) -> None:
         for i in rows:

@@ -62,11 +62,13 @@ def interface_of(
     eyes = {c.name: c for c in cameras}
     kp = np.repeat(config.stiffness, 3)
     home, load = posture(scene), carried(arm.compile())
-    images = {
-        key: Seen(kind=kind.name, unit=kind.unit, shape=kind.shape(eye.height, eye.width), camera=asdict(eye))
-        for key in images
-        if (kind := kind_of(key)) is not None and (eye := eyes[camera_of(key)])
-    }
+    seen = {}
+    for key in images:
+        kind = kind_of(key)
+        if kind is not None:
+            eye = eyes[camera_of(key)]
+            shape = kind.shape(eye.height, eye.width)
+            seen[key] = Seen(kind=kind.name, unit=kind.unit, shape=shape, camera=asdict(eye))
     return Interface(
         task=config.name,
         title=offered.title,
@@ -75,7 +77,7 @@ def interface_of(
             for t in Observation(offered.terms, config).policy
         ),
         stack=config.stack,
-        images=images,
+        images=seen,
         dof=config.dof,  # type: ignore[arg-type]  # TaskConfig refuses other directions
         offset_m=config.offset,
         turn_rad=config.turn,

@@ -17,12 +17,12 @@ from vispeg.sim.compiled import compiled
 def chain_of(robot: RobotModel) -> Chain:
     """Return the kinematic chain of the nominal arm from base to flange, which needs no MuJoCo."""
     model = compiled(robot)
-    order = {int(model.joint(name).id): i for i, name in enumerate(robot.joints)}
+    order = {int(model.joint(name).id): i for i, name in enumerate(robot.joints)}  # MuJoCo's id -> index in q
     site = model.site(robot.flange).id
     bodies = [int(model.site_bodyid[site])]
     while model.body_parentid[bodies[0]] > 0:
         bodies.insert(0, int(model.body_parentid[bodies[0]]))
-    turn, pos, rows = np.eye(3), np.zeros(3), []
+    turn, pos, rows = np.eye(3), np.zeros(3), []  # turn, pos: pose in the frame of the last joint, or in the world
     for body in bodies:
         pos, turn = pos + turn @ model.body_pos[body], turn @ _matrix(model.body_quat[body])
         first = int(model.body_jntadr[body])

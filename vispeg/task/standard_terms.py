@@ -23,12 +23,12 @@ def drawn(effect: str, key: str) -> Callable[[Simulation], np.ndarray]:
 
     def read(sim: Simulation) -> np.ndarray:
         where = {e.where for e in sim.world.entries if e.effect == effect}
-        for a in sim.cell.active if where else ():
-            if a.effect.name == effect:
-                many = not where.isdisjoint(MANY)
-                columns = [i for i, place in enumerate(a.effect.targets(sim.scene)) if many or place in where]
-                return a.p[key][:, columns].mean(axis=1, keepdims=True)
-        return np.zeros((sim.nsim, 1))
+        active = next((a for a in sim.cell.active if a.effect.name == effect), None)
+        if not where or active is None:
+            return np.zeros((sim.nsim, 1))
+        many = not where.isdisjoint(MANY)
+        columns = [i for i, place in enumerate(active.effect.targets(sim.scene)) if many or place in where]
+        return active.p[key][:, columns].mean(axis=1, keepdims=True)
 
     return read
 
@@ -37,8 +37,8 @@ def _goal(sim: Simulation) -> np.ndarray:
     return sim.cell.site_position("goal")
 
 
-TOLD = ("tip", "velocity", "force", "torque", "action", "turn", "spin")
-MEASURED = tuple(Term.sensed(SENSED[name]) for name in TOLD)
+OBSERVED = ("tip", "velocity", "force", "torque", "action", "turn", "spin")
+MEASURED = tuple(Term.sensed(SENSED[name]) for name in OBSERVED)
 TIP_IN_GOAL = Term("tip_in_goal", lambda sim: sim.tip_in_goal(), 3, "m", NEAR, "critic", "true tip in the goal's frame")
 GOAL_AWAY = Term(
     "goal_away", lambda sim: _goal(sim) - sim.nominal_goal, 3, "m", NEAR, "critic", "true minus nominal goal, base axes"

@@ -15,7 +15,9 @@ ABOVE = 0.03  # m, height of the tip over the goal in the home posture
 
 
 def home(scene: Scene) -> np.ndarray:
-    """Return the joint angles (nj,) rad from which inverse kinematics starts: the robot's declared home, else solved.
+    """Return the joint angles (nj,) rad from which inverse kinematics starts.
+
+    They are the robot's declared home, else a solution with the tip `ABOVE` the goal.
 
     Raises:
         UserError: the arm cannot hold its tool over the goal.

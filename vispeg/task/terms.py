@@ -167,7 +167,7 @@ class Observation:
         return next(t for t in self.terms if t.name == name)
 
     def read(self, sim: Simulation, terms: Sequence[Term]) -> np.ndarray:
-        """Return the scaled values of at least one term side by side, (nsim, sum of lengths), with their noise."""
+        """Return the scaled values of one or more terms side by side, (nsim, sum of lengths), with their noise."""
         noisy = _noise(sim)
         parts = [scaled((t,), sim.seen if t.to == POLICY else sim, noisy) for t in terms]
         return np.concatenate(parts, axis=1)

@@ -75,10 +75,10 @@ class WorldFile:
 
 @dataclass
 class _Parts:
-    """A world file merged with its bases; `said` holds the file and key that state each range."""
+    """A world file merged with its bases; `stated_at` holds the file and key that state each range."""
 
     ranges: dict[tuple[str, str], RandomizedEffect] = field(default_factory=dict)
-    said: dict[tuple[str, str], tuple[Path, str]] = field(default_factory=dict)
+    stated_at: dict[tuple[str, str], tuple[Path, str]] = field(default_factory=dict)
     task: dict[str, Any] = field(default_factory=dict)
     cameras: dict[str, Any] = field(default_factory=dict)
     renderer: dict[str, Any] = field(default_factory=dict)
@@ -91,7 +91,7 @@ def built_in() -> list[str]:
 
 
 def by_name() -> dict[str, Path]:
-    """Return name -> file of all worlds in the package: the built-in ones, and one for each arm of MuJoCo Menagerie.
+    """Return name -> file of all worlds in the package: the built-in ones, and those of arms of MuJoCo Menagerie.
 
     The world of an arm loads only if that arm is installed.
     """
@@ -114,8 +114,8 @@ def _example(folder: Path) -> Path:
     base.write_text(world_text(searching), encoding="utf-8")
     camera = {"external": {"width": 64, "height": 48, "fx": 60.0, "fy": 60.0, "cx": 31.5, "cy": 23.5}}
     late = {"effect": "command_delay", "params": {"delay": {"uniform": [0.0, 0.02]}}, "chance": 0.5}
-    more = {"name": "mine", "base": "base.yaml", "task": {"force_limit": 20.0}, "cameras": camera, "effects": [late]}
-    (folder / "world.yaml").write_text(yaml.safe_dump({"format": FORMAT, **more}), encoding="utf-8")
+    keys = {"name": "mine", "base": "base.yaml", "task": {"force_limit": 20.0}, "cameras": camera, "effects": [late]}
+    (folder / "world.yaml").write_text(yaml.safe_dump({"format": FORMAT, **keys}), encoding="utf-8")
     return folder / "world.yaml"
 
 
@@ -132,17 +132,17 @@ def load_world(source: str | Path) -> WorldFile:
     # a range for one place comes last, so that it wins over one for many places (`_lay` has removed overridden ones)
     broad = [r for r in parts.ranges.values() if r.where in MANY]
     narrow = [r for r in parts.ranges.values() if r.where not in MANY]
-    _mirrored(parts, path)
+    _check_rho(parts)
     config = config_of(parts.task, str(path))
     world = RandomizedWorld((*broad, *narrow), World(config.robot.model))
-    ranges = [(r, *parts.said[place]) for place, r in parts.ranges.items()]
+    ranges = [(r, *parts.stated_at[place]) for place, r in parts.ranges.items()]
     # checked once, after merging: a file may move the fixture to which ranges of its base refer
     task_of(config).check(task_of(config).cell(config), ranges, path)
     digest = world_hash(world, parts.task, parts.cameras, parts.renderer)
     return WorldFile(name, world, parts.task, parts.cameras, parts.renderer, digest, path)
 
 
-def _mirrored(parts: _Parts, path: Path) -> None:
+def _check_rho(parts: _Parts) -> None:
     """Refuse groups whose correlations are all negative: their effects would move together, as with positive ones."""
     groups: dict[str, list[tuple[str, str]]] = {}
     for place, r in parts.ranges.items():
@@ -150,7 +150,7 @@ def _mirrored(parts: _Parts, path: Path) -> None:
             groups.setdefault(r.group, []).append(place)
     for name, places in groups.items():
         if all(parts.ranges[place].rho < 0 for place in places):
-            file, key = parts.said[places[0]]
+            file, key = parts.stated_at[places[0]]
             rho = parts.ranges[places[0]].rho
             expected = f"another effect of group '{name}' with a positive rho, against which this one moves"
             raise UserError(
@@ -171,8 +171,9 @@ def world_hash(
     fixed = [without_origin(e) for e in base.effects]
     views = {n: _digest(c) if isinstance(c, str) else c for n, c in (cameras or {}).items()}
     config = replace(config, robot=replace(config.robot, repeatability=0.0))  # it affects no episode
-    usual = type(config)
-    settings = {k: v for k, v in asdict(config).items() if k not in LATER or getattr(config, k) != getattr(usual, k)}
+    defaults = type(config)  # a dataclass keeps its defaults as class attributes
+    unchanged = {k for k in LATER if getattr(config, k, None) == getattr(defaults, k, None)}
+    settings = {k: v for k, v in asdict(config).items() if k not in unchanged}
     settings |= {k: _digests(settings[k]) for k in config.files if settings.get(k)}
     robot = identity(config.robot.model)
     if "robot" in settings:
@@ -229,14 +230,15 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> str:
         task = {**task, "robot": declared(data["robot"], path, parts.task.get("robot", {}))}
     kind = kind_of({**parts.task, **task}, str(path))
     task = {**task, **{k: _placed(task[k], path) for k in kind.files if k in task}}
-    config_of({**{k: v for k, v in parts.task.items() if k == "name"}, **task}, str(path))
+    name_of_task = {"name": parts.task["name"]} if "name" in parts.task else {}
+    config_of({**name_of_task, **task}, str(path))  # its own settings must be valid without those of its bases
     parts.task |= task
     parts.cameras |= _cameras(_given(data, "cameras", {}), path)
     parts.renderer |= _renderer(_given(data, "renderer", {}), path)
     config = config_of(parts.task, str(path))
-    found: list[RandomizedEffect] = []
+    identified: list[RandomizedEffect] = []
     if data.get("model") is not None:
-        found += ranges_of(Identified.of(data["model"], path), config.robot.model)
+        identified += ranges_of(Identified.of(data["model"], path), config.robot.model)
     entries = _typed(_given(data, "effects", []), list, path, "effects")
     # the cell is built only for entries: the robot may be missing, and a file based on this one may name another
     scene = _with_cameras(task_of(config).cell(config), parts.cameras) if entries else None
@@ -246,7 +248,7 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> str:
         if (r.effect, r.where) in own:
             raise UserError(f"{r.label} is given twice", file=path, key=f"effects[{i}]")
         own[r.effect, r.where] = r, f"effects[{i}]"
-    _lay(parts, own, [r for r in found if (r.effect, r.where) not in own], path)
+    _lay(parts, own, [r for r in identified if (r.effect, r.where) not in own], path)
     return name
 
 
@@ -258,7 +260,7 @@ def _with_cameras(scene: Scene, cameras: Mapping[str, Any]) -> Scene:
 def _lay(
     parts: _Parts,
     own: Mapping[tuple[str, str], tuple[RandomizedEffect, str]],
-    found: Sequence[RandomizedEffect],
+    identified: Sequence[RandomizedEffect],
     path: Path,
 ) -> None:
     """Add a file's ranges to `parts`, where a later range replaces an earlier one of the same effect and place.
@@ -269,11 +271,11 @@ def _lay(
     Args:
         parts: the merged bases; changed in place.
         own: the file's own ranges with their keys, by effect and place.
-        found: ranges from the file's `model`.
+        identified: ranges from the file's `model`.
         path: of the file.
     """
     layer = [o for o in own.values() if o[0].where in MANY]
-    layer += [(r, "model") for r in found]
+    layer += [(r, "model") for r in identified]
     layer += [o for o in own.values() if o[0].where not in MANY]
     many = {r.effect for r, _ in layer if r.where in MANY}
     for place in [place for place in parts.ranges if place[0] in many]:
@@ -281,7 +283,7 @@ def _lay(
     for r, key in layer:
         parts.ranges.pop((r.effect, r.where), None)  # so that the range is last in the dict
         parts.ranges[r.effect, r.where] = r
-        parts.said[r.effect, r.where] = path, key
+        parts.stated_at[r.effect, r.where] = path, key
 
 
 def _path(source: str | Path, beside: Path | None) -> Path:
@@ -305,8 +307,7 @@ def _path(source: str | Path, beside: Path | None) -> Path:
             return named[text]
         expected = "a built-in world's name or a .yaml file"
         raise UserError("unknown world", file=beside, expected=expected, got=text, choices=list(named))
-    path = Path(text).expanduser() if beside is None else _beside(text, beside)
-    return path
+    return Path(text).expanduser() if beside is None else _beside(text, beside)
 
 
 def _beside(text: str, file: Path) -> Path:
@@ -337,7 +338,7 @@ def _typed(value: Any, kind: type, path: Path, key: str) -> Any:
 
 
 def _cameras(section: Any, path: Path) -> Mapping[str, Any]:
-    """Read `cameras`; paths are seen from the file's folder and made absolute. Mappings must make a possible camera."""
+    """Read `cameras`, with paths made absolute from the file's folder. Mappings must make a possible camera."""
     out, usual = {}, {camera.name: camera for camera in standard_cameras()}
     for name, camera in _typed(section, Mapping, path, "cameras").items():
         if not isinstance(camera, str | Mapping):
@@ -345,11 +346,12 @@ def _cameras(section: Any, path: Path) -> Mapping[str, Any]:
             raise UserError("wrong camera", file=path, key=f"cameras.{name}", expected=expected, got=camera)
         if isinstance(camera, str) and not is_file(_beside(camera, path)):
             raise UserError("no such camera file", file=path, key=f"cameras.{name}", got=camera)
-        for key in camera if isinstance(camera, Mapping) else ():
+        changes = {} if isinstance(camera, str) else camera
+        for key in changes:
             if key not in CHANGED:
                 raise UserError("unknown key", file=path, key=f"cameras.{name}.{key}", got=key, choices=CHANGED)
         try:  # where a standard camera stands depends on the cell, but not whether these changes are possible
-            usual.get(str(name), usual["external"]).moved(name=str(name), **({} if isinstance(camera, str) else camera))
+            usual.get(str(name), usual["external"]).moved(name=str(name), **changes)
         except UserError as error:
             raise UserError(str(error), file=path, key=f"cameras.{name}") from error
         out[str(name)] = _placed(camera, path) if isinstance(camera, str) else dict(camera)
@@ -360,7 +362,7 @@ def _renderer(section: Any, path: Path) -> Mapping[str, Any]:
     for key, value in _typed(section, Mapping, path, "renderer").items():
         if key not in RENDERER:
             raise UserError("unknown key", file=path, key=f"renderer.{key}", got=key, choices=RENDERER)
-        if value not in RENDERER[key] or isinstance(value, bool) != (key == "shadows"):
+        if value not in RENDERER[key] or isinstance(value, bool) != (key == "shadows"):  # Python takes 1 for True
             choices = [str(c).lower() for c in RENDERER[key]]
             raise UserError("unknown choice", file=path, key=f"renderer.{key}", got=value, choices=choices)
     return dict(section)
@@ -376,7 +378,7 @@ def _digest(file: str) -> str:
 
 
 def parts(source: str | Path) -> dict[str, str]:
-    """Return the parts of a valid world: SHA-256 (hex) of the content that each file adds -> the world's name in it.
+    """Return the parts of a valid world: SHA-256 (hex) of the content that each file adds -> the file's world name.
 
     Only effects and models count. A shared name, task or renderer does not make two worlds related, and a file that
     only combines other files adds nothing.

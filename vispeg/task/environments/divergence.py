@@ -18,7 +18,7 @@ from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.world import World
 
 FORMAT = "vispeg-episode/1"
-LEFT = Format(FORMAT, "an episode that was left behind", language="json", most=64 * MB)
+SAVED = Format(FORMAT, "a saved episode", language="json", most=64 * MB)
 WORLD, EPISODE = "world.yaml", "episode.json"
 
 
@@ -36,7 +36,7 @@ def leave(folder: Path, sim: TaskSimulation, row: int, world: World, file: World
         world: the values that the episode drew, of physics and looks.
         file: the world's file, for its cameras and renderer; or None.
     """
-    push, start, tape, seed = sim.push[row], sim.starts[row], sim.disturbed[row], int(sim.seeds[row])
+    push, start, torques, seed = sim.push[row], sim.starts[row], sim.disturbed[row], int(sim.seeds[row])
     task: dict[str, Any] = json.loads(json.dumps(asdict(sim.config)))
     cameras, renderer = (dict(file.cameras), dict(file.renderer)) if file is not None else ({}, {})
     digest = world_hash(world, task, cameras, renderer)
@@ -47,7 +47,7 @@ def leave(folder: Path, sim: TaskSimulation, row: int, world: World, file: World
         "engine": sim.engine,
         "push": None if push is None else {**asdict(push), "force": np.asarray(push.force).tolist()},
         "start": None if start is None else {"q": _numbers(start.q), "believed": _numbers(start.believed)},
-        "disturbed": _numbers(tape),
+        "disturbed": _numbers(torques),
         "actions": [action.tolist() for action in sim.acted[row]],
     }
     with new_folder(folder / str(seed), overwrite=True, holds=None) as place:

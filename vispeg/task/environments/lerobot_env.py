@@ -52,14 +52,14 @@ class LeRobotEnv(gym.Env):
         """Begin the episode of a seed: the same one that `vispeg evaluate` plays for that seed."""
         super().reset(seed=seed)
         obs, _ = self.env.reset(seed=seed, options=options)
-        return self._told(obs), {"is_success": False}
+        return self._converted(obs), {"is_success": False}
 
     def step(self, action: np.ndarray):
         """Advance by one policy step; actions outside +-1 are clipped."""
         obs, reward, terminated, truncated, info = self.env.step(np.clip(action, -1, 1))
-        return self._told(obs), reward, terminated, truncated, {"is_success": bool(info.get("success", False))}
+        return self._converted(obs), reward, terminated, truncated, {"is_success": bool(info.get("success", False))}
 
-    def _told(self, obs: dict[str, np.ndarray]) -> dict[str, Any]:
+    def _converted(self, obs: dict[str, np.ndarray]) -> dict[str, Any]:
         images = {n: np.ascontiguousarray(np.moveaxis(obs[f"{RGB.name}_{n}"], 0, -1)) for n in self._names}
         return {STATE: obs[MEASURED], PIXELS: images}
 

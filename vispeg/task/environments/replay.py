@@ -12,36 +12,36 @@ from pydantic import BaseModel, Field, field_validator
 from vispeg.core.errors import UserError
 from vispeg.formats.format import enrol
 from vispeg.formats.typed import typed
-from vispeg.task.environments.divergence import EPISODE, FORMAT, LEFT, WORLD
+from vispeg.task.environments.divergence import EPISODE, FORMAT, SAVED, WORLD
 from vispeg.task.environments.simulation import Push
 from vispeg.task.environments.vector import TaskVec
 from vispeg.task.start import Start
 from vispeg.task.world_file import load_world, world_text
 
 
-class _Pushed(BaseModel):
+class _Push(BaseModel):
     force: Annotated[list[float], Field(min_length=3, max_length=3)]
     start: float
     duration: float
 
 
-class _Stated(BaseModel):
+class _Start(BaseModel):
     q: list[float] | None = None
     believed: Annotated[list[float], Field(min_length=3, max_length=3)] | None = None
 
 
-class _Told(BaseModel):
+class _Episode(BaseModel):
     seed: Annotated[int, Field(ge=0)]
     obs_mode: str
     engine: str = "c"
-    push: _Pushed | None = None
-    start: _Stated | None = None
+    push: _Push | None = None
+    start: _Start | None = None
     disturbed: Annotated[list[list[float]], Field(min_length=1)] | None = None
     actions: Annotated[list[list[float]], Field(min_length=1)]
 
     @field_validator("actions", "disturbed")
     @classmethod
-    def _even(cls, rows: list[list[float]] | None) -> list[list[float]] | None:
+    def _equally_long(cls, rows: list[list[float]] | None) -> list[list[float]] | None:
         if len({len(row) for row in rows or ()}) > 1:
             raise ValueError("rows of different lengths")
         return rows
@@ -66,7 +66,7 @@ def replay(folder: str | Path) -> tuple[TaskVec, np.ndarray]:
         UserError: the folder holds no saved episode, or its actions do not fit the world's task.
     """
     path = Path(folder) / EPISODE
-    record = typed(_Told, LEFT.read(path), path)
+    record = typed(_Episode, SAVED.read(path), path)
     env = TaskVec(1, Path(folder) / WORLD, record.obs_mode, autoreset_mode="Disabled", engine=record.engine)
     for key, rows, size in (
         ("actions", record.actions, len(env.config.dof)),

@@ -33,6 +33,8 @@ from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.split import physical
 from vispeg.worlds.world import World
 
+AWAY = 2.0  # m, distance of the tip from the goal along an axis beyond which the simulation counts as diverged
+
 
 @dataclass(frozen=True)
 class Push:
@@ -76,7 +78,7 @@ class TaskSimulation:
         self.task = task_of(config)
         self.scene = self.task.cell(config, cameras)
         self.observed, self.reward = Observation(self.task.terms, config), config.rewards.of(config.reward)
-        self.levels: Mapping[str, float] | float = 1.0
+        self.levels: Mapping[str, float] | float = 1.0  # share of the world's ranges, see `TaskVec.set_level`
         self.drawn = [self.world.sample(0, self.scene)] * nsim  # the world of each row's present episode
         self.nthread, self.engine = nthread, engine
         posture = home(self.scene)
@@ -129,25 +131,25 @@ class TaskSimulation:
         """
         if not len(rows):
             return
-        pos, starts = np.tile(self.nominal_goal + [0, 0, 0.1], (self.nsim, 1)), starts or {}
-        worlds = []
+        pos = np.tile(self.nominal_goal + [0, 0, 0.1], (self.nsim, 1))  # a pose in reach for rows that do not begin
+        starts, worlds = starts or {}, []
         for row, seed in zip(rows, seeds, strict=True):
             rng = stream(int(seed), "start")
             pos[row] = self.nominal_goal + self.task.start(self.config, self.config.start_radius, rng)
             drawn = self.world.sample(int(seed), self.scene, self.levels)
-            worlds.append(self._begun(drawn, starts[row]) if row in starts else drawn)
+            worlds.append(self._stated_world(drawn, starts[row]) if row in starts else drawn)
             self.drawn[row], self.seeds[row] = worlds[-1], seed
             self.tracks[row], self.push[row], self.acted[row] = self.task.track(), None, []
             self.disturbed[row], self.starts[row] = None, starts.get(row)
         self.guards.reset(rows)
         pos[:, 2] += self.scene.tip
         q, weight = self._start(rows, pos)
-        self._stand(rows, starts, pos, q, weight)
-        self._offer(rows, worlds)
+        self._set_stated_angles(rows, starts, pos, q, weight)
+        self._make_effects_possible(rows, worlds)
         self.cell.begin(rows, worlds, q, weight)
         self.seen.begin(rows, pos)
         self.count[rows], self.diverged[rows] = 0, False
-        self._believe(rows, starts)
+        self._set_believed_goal(rows, starts)
         self.cell.read()
         begun = np.isin(np.arange(self.nsim), rows)[:, None]  # the other rows keep their last measurement
         true = self.cell.x.q, self.cell.x.dq
@@ -155,7 +157,7 @@ class TaskSimulation:
         self.seen.see(q, dq)
         self.seen.stack.fill(rows, self.observed.read(self, self.observed.policy))
 
-    def _begun(self, drawn: World, start: Start) -> World:
+    def _stated_world(self, drawn: World, start: Start) -> World:
         """Return the world of an episode that begins with `start`, from the world that its seed drew.
 
         Raises:
@@ -174,7 +176,7 @@ class TaskSimulation:
                 raise UserError("a goal out of this cell's range", key="goal", expected=expected, got=start.goal)
         return world.add(EffectInstance.of(kind.name, where, **dict(zip("xyz", map(float, shift), strict=True))))
 
-    def _stand(
+    def _set_stated_angles(
         self, rows: np.ndarray, starts: Mapping[int, Start], pos: np.ndarray, q: np.ndarray, weight: np.ndarray
     ) -> None:
         """Overwrite the rows whose start states joint angles.
@@ -198,7 +200,7 @@ class TaskSimulation:
                 q[i], weight[i] = stated, self.solo.gravity(stated[None])[0]
                 pos[row] = self.seen.chain.pose(stated[None], np.zeros((1, len(stated))))[0][0]
 
-    def _offer(self, rows: np.ndarray, worlds: Sequence[World]) -> None:
+    def _make_effects_possible(self, rows: np.ndarray, worlds: Sequence[World]) -> None:
         """Rebuild the batch of cells if one of these worlds has an effect that it was not built for.
 
         Raises:
@@ -224,33 +226,34 @@ class TaskSimulation:
         """
         few = 4 * len(rows) < self.nsim  # then one arm after the other is cheaper than the batch; same result
         q, weight = self.home.copy(), np.zeros_like(self.home)
-        for some in rows[:, None] if few else [np.arange(self.nsim)]:
+        for group in rows[:, None] if few else [np.arange(self.nsim)]:
             nominal = self.solo if few else self.control.nominal
-            q[some], error = reach(nominal, pos[some], np.tile(DOWN, (len(some), 1)), q[some])
+            q[group], error = reach(nominal, pos[group], np.tile(DOWN, (len(group), 1)), q[group])
             low, high = self.scene.range.T
-            error = np.where(((q[some] < low) | (q[some] > high)).any(axis=1), np.inf, error)
-            asked = np.isin(some, rows)
+            error = np.where(((q[group] < low) | (q[group] > high)).any(axis=1), np.inf, error)
+            asked = np.isin(group, rows)
             if error[asked].max() > 1e-4:
-                place = pos[some[asked][int(error[asked].argmax())]]
+                place = pos[group[asked][int(error[asked].argmax())]]
                 raise UserError("the start is out of the arm's reach", got=place.round(3))
-            weight[some] = nominal.gravity(q[some])
+            weight[group] = nominal.gravity(q[group])
         return q[rows], weight[rows]
 
-    def _believe(self, rows: np.ndarray, starts: Mapping[int, Start]) -> None:
-        self._told_goal(rows)
+    def _set_believed_goal(self, rows: np.ndarray, starts: Mapping[int, Start]) -> None:
+        """Set the goal that policies of these rows are told: the start's, else that of the observation mode."""
+        self.seen.believed[rows] = self._told_goal()[rows]
         for row in rows:
             if row in starts and (believed := starts[row].believed) is not None:
                 self.seen.believed[row] = believed
 
-    def _told_goal(self, rows: np.ndarray) -> None:
+    def _told_goal(self) -> np.ndarray:
+        """Return the goal (nsim, 3) m that the observation mode tells: the nominal one, or the true one with errors."""
         if self.obs_mode not in GOAL_TOLD:
-            self.seen.believed[rows] = self.nominal_goal
-            return
+            return np.tile(self.nominal_goal, (self.nsim, 1))
         goal = self.cell.site_position("goal")
         for a in self.cell.active:
             if a.effect.overrides("believe"):
                 goal = a.effect.believe(goal, a.p)
-        self.seen.believed[rows] = goal[rows]
+        return goal
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[EpisodeResult | None]]:
         """Simulate one policy step of every row.
@@ -293,7 +296,7 @@ class TaskSimulation:
         q, dq = cell.measure() if measured is None else measured
         if any(p is not None for p in self.push):
             self._pushes(k)
-        if any(tape is not None for tape in self.disturbed):
+        if any(torques is not None for torques in self.disturbed):
             self._disturbances(k)
         cell.advance(self.control.torque(q, dq, self.seen.goal, self.seen.rot), self.config.substeps)
         felt = cell.felt()
@@ -311,9 +314,9 @@ class TaskSimulation:
         cell = self.cell
         if cell.beside is None:
             cell.beside = np.zeros_like(cell.x.q)
-        for row, tape in enumerate(self.disturbed):
-            if tape is not None:
-                cell.beside[row] = tape[(self.count[row] * self.config.ticks + k) % len(tape)]
+        for row, torques in enumerate(self.disturbed):
+            if torques is not None:
+                cell.beside[row] = torques[(self.count[row] * self.config.ticks + k) % len(torques)]
 
     def settle(
         self, force: np.ndarray, wrenches: np.ndarray
@@ -332,14 +335,15 @@ class TaskSimulation:
         self.guards.pose(self.seen.jac)
         self.count += 1
         tip = self.tip_in_goal()
-        bad = ~np.isfinite(cell.qpos).all(axis=1) | ~np.isfinite(forces).all(axis=0) | (np.abs(tip).max(axis=1) > 2.0)
+        bad = ~np.isfinite(cell.qpos).all(axis=1) | ~np.isfinite(forces).all(axis=0) | (np.abs(tip).max(axis=1) > AWAY)
         bad |= ~np.isfinite(tip).all(axis=1) | cell.unstable()
         self.diverged |= bad
+        # finite numbers, so that the reward and the record of a diverged row are finite
         forces = np.where(bad, 0.0, forces)
         tip = np.where(bad[:, None], 0.5, tip)
         self.seen.feel(wrenches[-RECENT:])
         goal = self.task.goal(c)
-        gain = self.reward.dense(Moment(tip, goal, forces.max(axis=0), self.seen.action, c.reward_scale, self))
+        rewards = self.reward.dense(Moment(tip, goal, forces.max(axis=0), self.seen.action, c.reward_scale, self))
         observed = {name: np.nan_to_num(value) for name, value in self.task.observed(self).items()}
         terminated, truncated = np.zeros(self.nsim, dtype=bool), self.count >= c.steps
         records: list[EpisodeResult | None] = [None] * self.nsim
@@ -348,13 +352,13 @@ class TaskSimulation:
             category = "diverged" if self.diverged[i] else self.guards.stopped[i] or track.verdict(c)
             terminated[i] = category is not None
             if category is not None:
-                gain[i] += self.reward.success if category == "success" else self.reward.abort
+                rewards[i] += self.reward.success if category == "success" else self.reward.abort
             elif truncated[i]:
                 category = track.at_time(c)
             if category is not None:
                 records[i] = self._record(i, category)
         self.seen.stack.push(self.observed.read(self, self.observed.policy))
-        return gain, terminated, truncated & ~terminated, records
+        return rewards, terminated, truncated & ~terminated, records
 
     def _record(self, i: int, category: str) -> EpisodeResult:
         t = self.tracks[i]
@@ -372,7 +376,7 @@ class TaskSimulation:
             "world": self.drawn[i].values,
         }
 
-    # What can be seen -----------------------------------------------------------------------------------------
+    # Observations ---------------------------------------------------------------------------------------------
     def tip_in_goal(self) -> np.ndarray:
         """Return the tip's true position (nsim, 3) m in the goal's frame; z is negative below the goal's plane."""
         offset = self.cell.site_position("tip") - self.cell.site_position("goal")

@@ -114,7 +114,8 @@ def check_names(names: Iterable[str], others: Iterable[str], kind: type[TaskConf
             raise UserError("no such setting of the task", got=name, choices=choices, meant=meant.get(name, ""))
 
 
-TOLD = ("success", "category", "seed", "time", "peak_force", "lateral_error", "depth")  # also arrays in `infos`
+# entries of an episode's record that `infos` also holds as arrays
+IN_INFOS = ("success", "category", "seed", "time", "peak_force", "lateral_error", "depth")
 
 
 class TaskVec(VectorEnv):
@@ -255,9 +256,9 @@ class TaskVec(VectorEnv):
                 records[i] = None
         for i, record in enumerate(records):
             if record is not None:  # force profiles differ in length, so the record is one object, not arrays
-                infos = self._add_info(infos, {k: record[k] for k in TOLD}, i)
+                infos = self._add_info(infos, {k: record[k] for k in IN_INFOS}, i)
                 infos.setdefault("record", np.full(self.num_envs, None, dtype=object))[i] = record
-                infos["_record"] = infos["_success"]
+                infos["_record"] = infos["_success"]  # gymnasium's mask of the rows that have the entry
         self._ended = terminated | truncated
         if self._ended.any() and self.autoreset_mode == AutoresetMode.SAME_STEP:
             rows, final = np.flatnonzero(self._ended), self._observe()
@@ -278,8 +279,8 @@ class TaskVec(VectorEnv):
             if record is None:
                 continue
             record["world"] |= self.eyes.drawn[row].values
-            waits = self._ended[row]  # for its reset: its episode is saved
-            if self.dump is not None and record["category"] == "diverged" and not waits:
+            ended_before = self._ended[row]  # this row waits for its reset, and its episode is already saved
+            if self.dump is not None and record["category"] == "diverged" and not ended_before:
                 record["replay"] = str(leave(Path(self.dump), self.sim, row, self.drawn(row), self.file))
         return out
 
@@ -344,7 +345,7 @@ class TaskVec(VectorEnv):
     def _snapshots(self, rows: Sequence[int] | np.ndarray) -> dict[int, Snapshot]:
         return {int(row): self.sim.snapshot(int(row)) for row in rows} if self.eyes.cameras else {}
 
-    # Knobs ----------------------------------------------------------------------------------------------------
+    # Changes --------------------------------------------------------------------------------------------------
     def set_level(self, level: float | dict[str, float]) -> None:
         """Scale how far the ranges of the next episodes extend from nominal: 0 to 1, for all ranges or by label."""
         self.sim.levels = level

@@ -48,7 +48,7 @@ class PegConfig(PegGeometry, TaskConfig):
             expected = f"1 to {self.steps}, the steps of an episode"
             raise UserError("impossible dwell", key="dwell", expected=expected, got=self.dwell)
         scene = self.scene()  # raises UserError if the geometry is impossible
-        object.__setattr__(self, "clearance_mm", scene.clearance_mm)
+        object.__setattr__(self, "clearance_mm", scene.clearance_mm)  # with its default filled in
 
     @property
     def within(self) -> float:

@@ -52,10 +52,12 @@ class Expert:
         spiral = np.where(self.searching, radius, 0.0)[:, None] * np.stack([np.cos(self.angle), np.sin(self.angle)], 1)
         error = spiral - tip[:, :2]
         aligned = np.hypot(*(tip[:, :2]).T) < 0.0015
-        away = tip[:, 2] > HOVER + 0.002
-        down = np.where(away, np.where(aligned, -0.006, HOVER - tip[:, 2]), np.where(aligned, -0.003, 0.0))
+        far = np.where(aligned, -0.006, HOVER - tip[:, 2])  # well above HOVER: not below it before the tip is aligned
+        close = np.where(aligned, -0.003, 0.0)
+        down = np.where(tip[:, 2] > HOVER + 0.002, far, close)
         down = np.where(self.searching, -0.002, np.where(inside, -0.006, down))
-        lateral = np.where(inside[:, None], np.clip(-0.5 * force[:, :2] / 20.0 * -0.003, -0.002, 0.002), error)
+        yielding = np.clip(0.5 * force[:, :2] / 20.0 * 0.003, -0.002, 0.002)  # in the hole, give way to its wall
+        lateral = np.where(inside[:, None], yielding, error)
         action = np.zeros((len(terms), len(DOF)))
         action[:, :3] = np.concatenate([lateral, down[:, None]], axis=1) / c.offset
         if c.turns:

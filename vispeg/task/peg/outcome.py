@@ -74,6 +74,6 @@ class PegTrack(Track):
             recent = self.depths[-4:]
             if len(recent) > 1 and (recent[-1] - recent[0]) / (len(recent) - 1) > MOVING:
                 return "timeout"
-            touching = config.clearance_mm * 1e-3 / max(self.deepest, 1e-6)
-            return "wedge" if self.tilt >= 0.9 * touching else "jam"
+            touching_tilt = config.clearance_mm * 1e-3 / max(self.deepest, 1e-6)
+            return "wedge" if self.tilt >= 0.9 * touching_tilt else "jam"
         return "search" if self.touched else "approach"

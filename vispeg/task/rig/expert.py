@@ -58,13 +58,13 @@ def record_expert(
     sim = TaskSimulation(belief.world.add(*world.effects), config, 1)
     sim.cell.use_recording_settings()
     sim.reset(np.arange(1), [seed])
-    sim.control.home = posture(belief.scene)
+    sim.control.home = posture(belief.scene)  # the recording states this posture for the null space
     ticks = config.steps * config.ticks
-    reader, goals = Reader(ticks, 1, len(belief.scene.joints)), list[np.ndarray]()
+    reader, ee_cmd = Reader(ticks, 1, len(belief.scene.joints)), list[np.ndarray]()
 
     def heard(q: np.ndarray, dq: np.ndarray, felt: np.ndarray) -> None:
-        reader.tick(len(goals), sim.cell, q, dq, felt)
-        goals.append(np.concatenate([sim.seen.goal[0], sim.seen.rot[0]]))
+        reader.tick(len(ee_cmd), sim.cell, q, dq, felt)
+        ee_cmd.append(np.concatenate([sim.seen.goal[0], sim.seen.rot[0]]))
 
     sim.heard = heard
     for _ in range(wait):
@@ -72,13 +72,13 @@ def record_expert(
     expert, ended = task_of(config).expert(config, 1), None
     expert.reset(np.arange(1))
     while ended is None:
-        ended = sim.step(expert.act(sim.observation()))[3][0]
-    n = len(goals)
+        *_, (ended,) = sim.step(expert.act(sim.observation()))
+    n = len(ee_cmd)
     ran = reader.ran(sim.diverged, n)
     refuse_diverged(ran)
     control = controller(belief.scene, config, rate_hz)
     depth = float(ended["depth"])
     outcome = Outcome(bool(ended["success"]), 0, str(ended["category"]), float(ended["peak_force"]), depth)
     time = np.arange(n) / rate_hz
-    rec = recording(belief, world, control, ran, np.array(goals), time, name, EXPERT, (outcome,))
+    rec = recording(belief, world, control, ran, np.array(ee_cmd), time, name, EXPERT, (outcome,))
     return with_noise([rec] * repeat, noise, rng, torque_sensor)

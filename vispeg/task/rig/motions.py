@@ -96,9 +96,9 @@ def press(place: Place, count: int = 4) -> Path:
 
 
 def press_elbow(place: Place) -> Path:
-    """Press as `press` does; `motion` makes it with the elbow turned, which separates the arm's compliance from others.
+    """Press as `press` does; `motion` makes it with the elbow turned (`TURNED`).
 
-    The compliance of the fixture does not depend on the arm's posture.
+    This separates the arm's compliance from that of the fixture, which does not depend on the arm's posture.
     """
     return press(place)
 
@@ -152,7 +152,7 @@ def _inserted(path: Path, place: Place) -> Path:
     path.to(0.6, tip=(x, y, 0.004)).to(0.8, tip=(x, y, -0.004)).to(0.3, tip=(0, 0, -0.004))
     for share, force in ((0.45, place.vary(5.0)), (0.85, place.vary(13.0))):
         path.to(0.7, tip=(0, 0, -share * place.depth))
-        for k in range(7):
+        for k in range(7):  # once around, and back to the first direction
             at = angle + 2 * np.pi * k / 6
             path.to(0.35, force=(force * np.cos(at), force * np.sin(at), 0))
         path.to(0.3, force=(0, 0, 0))

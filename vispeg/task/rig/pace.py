@@ -107,7 +107,7 @@ def with_room(path: Path, scene: Scene, stiffness: tuple[float, float], near: np
         UserError: at each angle some joint leaves its range or a pose is out of the arm's reach.
     """
     low, high = scene.range.T
-    best, most, at, out_of_reach = path, -np.inf, (0, 0.0), None
+    best, most, worst, out_of_reach = path, -np.inf, (0, 0.0), None  # `worst`: joint with the least margin, its angle
     for size in SQUARE if scene.config.shape == "square" else ROUND:
         for yaw in (size, -size) if size else (0.0,):
             new = turned_by(path, yaw)
@@ -119,13 +119,13 @@ def with_room(path: Path, scene: Scene, stiffness: tuple[float, float], near: np
             room = np.minimum(angles - low, high - angles)
             if float(room.min()) > most:
                 row, joint = np.unravel_index(int(room.argmin()), room.shape)
-                best, most, at = new, float(room.min()), (int(joint), float(angles[row, joint]))
+                best, most, worst = new, float(room.min()), (int(joint), float(angles[row, joint]))
         if most >= ROOM:
             break
     if out_of_reach and most < 0.0:
         raise out_of_reach
     if most < 0.0:
-        joint, angle = at
+        joint, angle = worst
         raise UserError(
             f"the motion takes {scene.joints[joint]} out of its range",
             key="--motion",

@@ -102,10 +102,10 @@ def commands(
     """
     tip, turn, force, pivot = frames[:, :3], frames[:, 3:6], frames[:, FORCE], frames[:, 9:10]
     rot = turned(facing(frames[:, 10]), turn)
-    up = np.zeros((len(frames), 3))
-    up[:, 2:] = scene.tip - pivot
+    to_pivot = np.zeros((len(frames), 3))  # from the flange, in its axes
+    to_pivot[:, 2:] = scene.tip - pivot
     still = np.array([0.0, 0.0, 1.0]) * pivot  # from the tip up to the pivot, before the tool turns
-    pos = np.array(scene.target) + tip + still - rotated(rot, up)
+    pos = np.array(scene.target) + tip + still - rotated(rot, to_pivot)
     lever = np.cross(rotated(rot, np.array([0.0, 0.0, scene.tip])), force)
     q = posture(scene) if near is None else near
     error = np.concatenate([force, lever], axis=1) @ _softness(scene, stiffness, q).T
@@ -142,13 +142,13 @@ def _softness(scene: Scene, stiffness: tuple[float, float], q: np.ndarray) -> np
 
 def _check(scene: Scene, pos: np.ndarray, rot: np.ndarray, near: np.ndarray, count: int = 64) -> None:
     """Check `count` of the poses, evenly spread. Raises UserError for one out of the arm's reach."""
-    some = np.unique(np.linspace(0, len(pos) - 1, count).astype(int))
-    nominal = nominal_of(scene.nominal, len(some))
-    q, error = reach(nominal, pos[some], rot[some], np.tile(near, (len(some), 1)))
+    rows = np.unique(np.linspace(0, len(pos) - 1, count).astype(int))
+    nominal = nominal_of(scene.nominal, len(rows))
+    q, error = reach(nominal, pos[rows], rot[rows], np.tile(near, (len(rows), 1)))
     low, high = scene.range.T
     bad = (error > 1e-3) | (q < low).any(axis=1) | (q > high).any(axis=1)
     if bad.any():
-        at = pos[some[int(bad.argmax())]].round(3).tolist()
+        at = pos[rows[int(bad.argmax())]].round(3).tolist()
         raise UserError(
             "the motion leaves the arm's reach", key="--motion", expected="a fixture nearer the base", got=at
         )

@@ -108,12 +108,13 @@ def record_cell(
     )
     refuse_diverged(ran)
     watch(ran.true[0])
-    judged = motion.name.startswith(("insert", "look", "mix"))
-    time, what = motion.time, motion.name
+    inserts = motion.name.startswith(("insert", "look", "mix"))  # only an insertion has an outcome
     runs = []
     for row in range(len(plants)):
-        outcomes = outcome_of(belief, ran, row) if judged else ()
-        runs.append(recording(belief, world, control, ran, motion.ee_cmd, time, name, what, outcomes, row))
+        outcomes = outcome_of(belief, ran, row) if inserts else ()
+        runs.append(
+            recording(belief, world, control, ran, motion.ee_cmd, motion.time, name, motion.name, outcomes, row)
+        )
     return with_noise(runs if sensed else runs * repeat, noise, rng, torque_sensor, sensed is not None)
 
 
@@ -144,7 +145,7 @@ def recording(
         ran: runs side by side.
         ee_cmd: (n, 7) commanded flange poses, m and w x y z.
         time: (n,) s.
-        name, motion: of the recording, of the motion.
+        name, motion: names of the recording and of its motion.
         outcomes: of the run.
         row: which of the runs.
     """
@@ -213,11 +214,11 @@ def with_noise(
         columns["ee_cmd"] = np.tile(rec.ee_cmd, (repeat, 1))
     if repeat > 1:
         columns["episode"] = np.repeat(np.arange(repeat), len(rec.time))
-    said = {key: float(level[key]) for key in (*names, "ft_torque") if level.get(key, 0.0) > 0}
+    stated_noise = {key: float(level[key]) for key in (*names, "ft_torque") if level.get(key, 0.0) > 0}
     outcomes = tuple(replace(o, episode=k) for k, run in enumerate(runs) for o in run.outcomes)
     tau = {} if torque_sensor != "none" else {"tau": None}
     time = np.tile(rec.time, repeat)
-    return replace(rec, **columns, **tau, time=time, noise=said, torque_sensor=torque_sensor, outcomes=outcomes)
+    return replace(rec, **columns, **tau, time=time, noise=stated_noise, torque_sensor=torque_sensor, outcomes=outcomes)
 
 
 def _believed(world: World) -> Believed:

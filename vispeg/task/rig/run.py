@@ -105,8 +105,8 @@ def run(
     """
     tick, n, nsim = 1.0 / control.rate_hz, len(ee_cmd), len(worlds)
     nsub = max(1, math.ceil(tick / h_max - 1e-9))
-    still = np.tile(q, (n, 1))
-    segment = Segment(control, tick, {"ee_cmd": ee_cmd}, still, np.zeros_like(still), still, *_clock(n, tick))
+    ticks, still = np.arange(n), np.tile(q, (n, 1))
+    segment = Segment(control, tick, {"ee_cmd": ee_cmd}, still, np.zeros_like(still), still, ticks * tick, ticks)
     rows, nominal = Rows([segment], nsim), nominal_of(scene.nominal, nsim, nthread)
     law = Controller(scene.nominal, rows, nominal, rows.by_tick(lambda s: s.q), along=False)
     start = np.tile(q, (nsim, 1))
@@ -116,7 +116,7 @@ def run(
     cell.start(start, np.tile(dq, (nsim, 1)), weight, apparent)
     cell.use_recording_settings()
     cell.batch.forward()
-    reader, bad = Reader(n, nsim, len(q)), np.zeros(nsim, bool)
+    reader = Reader(n, nsim, len(q))
     with quiet(), np.errstate(all="ignore"):
         for k in range(n):
             cell.read()
@@ -124,9 +124,4 @@ def run(
             reader.true[k] = cell.x.q
             cell.advance(law.command(k, now, rate), nsub)
             reader.tick(k, cell, now, rate, cell.felt())
-    bad |= cell.unstable() | ~np.isfinite(reader.q).all(axis=(0, 2))
-    return reader.ran(bad)
-
-
-def _clock(n: int, tick: float) -> tuple[np.ndarray, np.ndarray]:
-    return np.arange(n) * tick, np.arange(n)
+    return reader.ran(cell.unstable() | ~np.isfinite(reader.q).all(axis=(0, 2)))
