@@ -48,13 +48,13 @@ class JointGoals:
         """Return the angles that bring the flange nearest to its reference, among those reachable within `dt` s."""
         pos, rot, _, jac = self.chain.pose(self.q[None], 0 * self.q[None])
         weight = np.array([1.0, 1, 1, LEVER, LEVER, LEVER])
-        left = weight * np.concatenate([self.pos - pos[0], rotation_vector(rot, self.rot[None])[0]])
+        error = weight * np.concatenate([self.pos - pos[0], rotation_vector(rot, self.rot[None])[0]])
         j = weight[:, None] * jac[0]
         low, high = np.minimum(self.low + MARGIN, self.q), np.maximum(self.high - MARGIN, self.q)
         posture = dt * self.pull * (self.home - self.q)
         step, free = np.zeros_like(self.q), np.ones(len(self.q), bool)
         while free.any():  # joints at a limit are fixed there, and the others compensate
-            aim = left - j[:, ~free] @ step[~free]
+            aim = error - j[:, ~free] @ step[~free]
             u, s, v = np.linalg.svd(j[:, free], full_matrices=False)
             step[free] = v.T @ (s / (s * s + DAMPING**2) * (u.T @ aim)) + posture[free]
             step[free] -= v.T @ (v @ posture[free])

@@ -76,7 +76,7 @@ class Kept:
 
     def step(self, actions: np.ndarray) -> Any:
         """Step the environment, and write recorded episodes that end."""
-        sim, acting = self.vec.sim, True
+        sim, acting = self.vec.sim, True  # the policy acts in the step's first control period
 
         def heard(q: np.ndarray, dq: np.ndarray, felt: np.ndarray) -> None:
             nonlocal acting
@@ -121,7 +121,7 @@ class Kept:
             peak_force_n=float(record["peak_force"]),
             depth_m=float(record["depth"]),
         )
-        steps, timed = len(tape.late), config.policy_period
+        steps, period = len(tape.late), config.policy_period
         said = Said(
             policy=self.who,
             robot="simulator",
@@ -130,7 +130,7 @@ class Kept:
             world=self.world,
             start=self._starts[row],
             outcome=outcome,
-            timing=TimingPart(period_s=timed, steps=steps, clipped=round(float(record["clipped"]) * steps)),
+            timing=TimingPart(period_s=period, steps=steps, clipped=round(float(record["clipped"]) * steps)),
         )
         trial = Trial(said, tape.recording(notes="simulated"), tape.steps())
         write_trial(trial, self.folder / f"{self.stem}-{seed}", overwrite=True)

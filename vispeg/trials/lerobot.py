@@ -232,10 +232,10 @@ class LeRobotRobot:
         self._thread: threading.Thread | None = None
         self._over, self._lock = threading.Event(), threading.Lock()
         self._newest: Reading | None = None
-        self._seen: tuple[float, dict[str, Picture]] = -np.inf, {}
+        self._seen: tuple[float, dict[str, Picture]] = -np.inf, {}  # the newest pictures, and when they were asked for
         self._goals: JointGoals | None = None  # None until the first command
         self._pose: np.ndarray | None = None
-        self._why = ""
+        self._why = ""  # the last error of the thread
 
     def connect(self, interface: Interface, seed: int) -> Connected:
         """See Driver. Raises UserError: LeRobot cannot connect, or a motor or camera does not exist."""
@@ -249,8 +249,8 @@ class LeRobotRobot:
         """Start LeRobot's process, check motors and cameras, take a first reading, and start the thread."""
         if interface.feels:  # the run loop will refuse such a policy, so leave the arm alone
             return
-        told = self._link.begin()
-        state, action, cameras = ([str(x) for x in told[key]] for key in ("state", "action", "cameras"))
+        names = self._link.begin()
+        state, action, cameras = ([str(x) for x in names[key]] for key in ("state", "action", "cameras"))
         self._motors = Motors(self.wiring, interface.arm.joints, state, action, self.file)
         if self._motors.unknown:
             what = "the robot accepts a value that it does not report, so it could not be held at its present value"
@@ -261,7 +261,7 @@ class LeRobotRobot:
         self._thread = threading.Thread(target=self._go, daemon=True)
         self._thread.start()
 
-    def _cameras(self, interface: Interface, there: Sequence[str]) -> dict[str, tuple[str, Camera, CameraPart]]:
+    def _cameras(self, interface: Interface, available: Sequence[str]) -> dict[str, tuple[str, Camera, CameraPart]]:
         """Return, by the policy's name of each camera: LeRobot's name, the camera of training, and its lens here."""
         out = {}
         for key, seen in interface.images.items():
@@ -271,12 +271,12 @@ class LeRobotRobot:
                     "LeRobot's robots deliver only colour pictures", key=key, expected="a policy that sees rgb"
                 )
             part = self.wiring.cameras.get(name, CameraPart())
-            called = part.key or name
-            if called not in there:
-                expected = f"one of {', '.join(there) or 'none'}; cameras.{name}.key of a FILE.yaml says which"
+            lerobot_name = part.key or name
+            if lerobot_name not in available:
+                expected = f"one of {', '.join(available) or 'none'}; cameras.{name}.key of a FILE.yaml says which"
                 what = f"the robot has no such camera for {name}"
-                raise UserError(what, file=self.file, expected=expected, got=called)
-            out[name] = called, seen.eye, part
+                raise UserError(what, file=self.file, expected=expected, got=lerobot_name)
+            out[name] = lerobot_name, seen.eye, part
         return out
 
     def _go(self) -> None:
@@ -307,14 +307,16 @@ class LeRobotRobot:
     def _tick(self, now: float, action: np.ndarray | None) -> None:
         """Send the action, if any, and read the state."""
         look = bool(self._eyes) and now - self._seen[0] >= 1.0 / FRAMES
-        asked: dict[str, Any] = {} if action is None else {"action": action}
-        told = self._link.ask(asked | ({"look": 1} if look else {}), WAIT)
-        at, state = float(told["time"]), told["state"]
+        request: dict[str, Any] = {} if action is None else {"action": action}
+        answer = self._link.ask(request | ({"look": 1} if look else {}), WAIT)
+        at, state = float(answer["time"]), answer["state"]
         if self._newest is None or action is None:
             self._state = state  # the last before the first command: motors without a joint are held there
         q = self._motors.angles(state)
         if look:
-            self._seen = now, {name: self._picture(name, told[f"camera.{eye[0]}"]) for name, eye in self._eyes.items()}
+            lerobot_names = {name: lerobot_name for name, (lerobot_name, _, _) in self._eyes.items()}
+            images = {name: answer[f"camera.{key}"] for name, key in lerobot_names.items()}
+            self._seen = now, {name: self._picture(name, image) for name, image in images.items()}
         self._newest = Reading(at, q, self._slope.add(at, q), None)
 
     def _picture(self, name: str, image: np.ndarray) -> Picture:

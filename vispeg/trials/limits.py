@@ -12,10 +12,8 @@ from vispeg.interface.observer import Observer
 
 JOINT, VELOCITY, SPEED = "joint limit", "joint velocity", "speed limit"
 FORCE, WORKSPACE, WATCHDOG, STOPPED = "force limit", "workspace", "watchdog", "stopped"
-ABOVE, BELOW = (
-    0.30,
-    0.02,
-)  # m: top of the workspace above the goal, and its bottom below the depth that counts as success
+# m: top of the workspace above the goal, and its bottom below the depth that counts as success
+ABOVE, BELOW = 0.30, 0.02
 SPEED_MS = 0.25  # m/s: reduced speed of ISO 10218-1, for a person next to the arm
 REACH = 0.15  # m: twice the largest horizontal distance of starts, and shift of goals, in the built-in worlds
 
@@ -85,6 +83,7 @@ class Limits:
         return self._workspace(interface, seen, tip) <= 1
 
     def _workspace(self, interface: Interface, seen: Observer, tip: np.ndarray) -> float:
+        """Return the share of the workspace that a tip (3,), m, uses: 1 on the cylinder's surface."""
         x, y, z = tip - seen.believed[0]
         bottom = interface.goal.reached_m[2] - BELOW
         return max(np.hypot(x, y) / self.reach, abs(2 * z - ABOVE - bottom) / (ABOVE - bottom))

@@ -6,6 +6,7 @@ The loop hands over its state without waiting; a thread writes the newest state.
 from __future__ import annotations
 
 import base64
+import math
 import os
 import re
 import secrets
@@ -81,7 +82,7 @@ class State(BaseModel):
 
     @property
     def running(self) -> bool:
-        """Return whether the process of the run is alive."""
+        """Whether the process of the run is alive."""
         if self.host != socket.gethostname():
             return time.time() - self.at < RECENT
         try:
@@ -104,10 +105,10 @@ class Live:
 
     def __init__(self, place: Path, policy: str, robot: str, episodes: int):
         self._folder, self._run = place / FOLDER, secrets.token_hex(8)
-        self._said: dict[str, Any] = {"pid": os.getpid(), "host": socket.gethostname(), "outcomes": []}
-        self._said |= {"policy": policy, "robot": robot, "episodes": episodes}
-        self._stop, self._asked, self._newest = self._folder / STOP, False, None
-        self._coming, self._over = threading.Condition(), False
+        self._common: dict[str, Any] = {"pid": os.getpid(), "host": socket.gethostname(), "outcomes": []}
+        self._common |= {"policy": policy, "robot": robot, "episodes": episodes}
+        self._stop, self._stop_asked, self._newest = self._folder / STOP, False, None
+        self._changed, self._over = threading.Condition(), False
         self._thread = threading.Thread(target=self._write, daemon=True)
 
     def __enter__(self) -> Live:
@@ -118,52 +119,52 @@ class Live:
         return self
 
     def __exit__(self, *_: object) -> None:
-        with self._coming:
+        with self._changed:
             self._over = True
-            self._coming.notify()
+            self._changed.notify()
         self._thread.join()
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def begin(self, trial: str, episode: int) -> None:
         """Publish that an episode begins, and the name of its trial."""
-        self._said |= {"id": f"{self._run}-{episode}", "trial": trial, "episode": episode}
-        with self._coming:
-            self._stop, self._asked = self._folder / f"{STOP}{self._said['id']}", False
-        self._tell({**self._said, "phase": "rest"}, {})
+        self._common |= {"id": f"{self._run}-{episode}", "trial": trial, "episode": episode}
+        with self._changed:
+            self._stop, self._stop_asked = self._folder / f"{STOP}{self._common['id']}", False
+        self._publish({**self._common, "phase": "rest"}, {})
 
     def step(self, step: Step) -> None:
         """Publish a step."""
-        told = {"step": step.number, "of": step.of, "late_s": step.late, "missed": step.missed, "tip_m": step.tip}
-        told |= {"force_n": step.force, "pose": step.pose, "target": step.target, "wrench": step.wrench}
-        self._tell({**self._said, **told, "phase": "acts", "shares": step.shares}, step.pictures)
+        numbers = {"step": step.number, "of": step.of, "late_s": step.late, "missed": step.missed, "tip_m": step.tip}
+        numbers |= {"force_n": step.force, "pose": step.pose, "target": step.target, "wrench": step.wrench}
+        self._publish({**self._common, **numbers, "phase": "acts", "shares": step.shares}, step.pictures)
 
     def end(self, outcome: str) -> None:
         """Publish how an episode ended."""
-        self._said["outcomes"] = [*self._said["outcomes"], outcome]
-        self._tell({**self._said, "phase": "over"}, {})
+        self._common["outcomes"] = [*self._common["outcomes"], outcome]
+        self._publish({**self._common, "phase": "over"}, {})
 
     def stopped(self) -> bool:
         """Return whether another process has requested the end of this episode."""
-        return self._asked
+        return self._stop_asked
 
-    def _tell(self, said: Mapping[str, Any], pictures: Mapping[str, Picture]) -> None:
-        with self._coming:
-            self._newest = said, pictures
-            self._coming.notify()
+    def _publish(self, state: Mapping[str, Any], pictures: Mapping[str, Picture]) -> None:
+        with self._changed:
+            self._newest = state, pictures
+            self._changed.notify()
 
     def _write(self) -> None:
         while True:
-            with self._coming:
-                self._coming.wait_for(lambda: self._over or self._newest is not None, LOOKS)
-                self._asked = self._asked or os.path.exists(self._stop)
+            with self._changed:
+                self._changed.wait_for(lambda: self._over or self._newest is not None, LOOKS)
+                self._stop_asked = self._stop_asked or os.path.exists(self._stop)
                 if self._newest is None:
                     if self._over:
                         return
                     continue
-                (said, pictures), self._newest = self._newest, None
+                (state, pictures), self._newest = self._newest, None
             with suppress(Exception):  # a full disk or an odd picture must not stop an arm
                 images = {name: encoded(picture) for name, picture in pictures.items()}
-                plain = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in said.items()}
+                plain = {key: v.tolist() if isinstance(v, np.ndarray) else v for key, v in state.items()}
                 part = self._folder / f".{STATE}"
                 part.write_text(State(**plain, at=time.time(), pictures=images).model_dump_json(), encoding="utf-8")
                 os.replace(part, self._folder / STATE)
@@ -174,8 +175,8 @@ def encoded(picture: Picture) -> str:
     import cv2
 
     whole = picture.rgb if picture.rgb is not None else grey_depth(np.asarray(picture.depth))
-    thin = -(-whole.shape[1] // WIDEST)
-    image = np.ascontiguousarray(whole[::thin, ::thin])
+    every = math.ceil(whole.shape[1] / WIDEST)  # keep every n-th pixel
+    image = np.ascontiguousarray(whole[::every, ::every])
     data = cv2.imencode(".jpg", image[..., ::-1] if image.ndim == 3 else image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
     return base64.b64encode(data.tobytes()).decode()
 

@@ -35,8 +35,8 @@ from vispeg.trials.loop import Clock, How
 OTHER = 2e-3  # m, ten times an arm's repeatability; a larger difference means that another policy made the log
 INFO, SPEED = "meta/info.json", ".vel"
 FORCE = tuple(f"{what}_{axis}" for what in ("force", "torque") for axis in "xyz")
-# convention in LeRobot folders, once the tool's weight is added to the force, which alone is without it
-TOLD = WrenchSensor(frame="base", acts_on="flange")
+# convention in LeRobot folders, where only the force lacks the tool's weight; `_dataset_episode` adds it
+DATASET_WRENCH = WrenchSensor(frame="base", acts_on="flange")
 
 
 @dataclass(frozen=True)
@@ -95,8 +95,9 @@ class LoggedRobot(Clock):
     def __init__(self, folder: str | Path):
         place = Path(folder).expanduser()
         self._all = _of_dataset(place) if (place / INFO).is_file() else _of_recordings(place)
-        self._next, self._now, self._apart = 0, 0.0, list[float]()
-        self._at: Episode | None = None
+        self._next, self._now = 0, 0.0
+        self._apart = list[float]()  # m, distance of each commanded position from the log's
+        self._current: Episode | None = None
 
     @property
     def episodes(self) -> int:
@@ -128,27 +129,28 @@ class LoggedRobot(Clock):
     def connect(self, interface: Interface, seed: int) -> Connected:
         """Begin the next episode. Raises UserError: there is none, or it is of another arm."""
         self.check(self._next + 1)
-        self._at = self._all[self._next](interface)
+        self._current = self._all[self._next](interface)
         self._next, self._now, self._apart, self._period = self._next + 1, 0.0, [], interface.policy_period_s
-        apart, period = float(np.median(np.diff(self._at.time))), interface.controller.period_s
+        apart, period = float(np.median(np.diff(self._current.time))), interface.controller.period_s
         if apart > 2 * period:
             note(
                 f"samples {1e3 * apart:.0f} ms apart are interpolated to {1e3 * period:g} ms in the trials' recordings"
             )
-        return Connected(None if self._at.wrench is None else self._at.sensor)
+        return Connected(None if self._current.wrench is None else self._current.sensor)
 
     def read(self, cameras: Sequence[str] = ()) -> Reading:
         """Return the current measurement. Raises EOFError: the episode is over."""
         e = self._episode
         if self._now > e.time[-1] + 1e-9:
             raise EOFError
-        told = {}
+        pictures = {}
         for name in cameras:
             if name in e.pictures:
-                times, pictures = e.pictures[name]
-                told[name] = pictures[max(0, int(np.searchsorted(times, self._now + 1e-9, side="right")) - 1)]()
+                times, readers = e.pictures[name]
+                newest = max(0, int(np.searchsorted(times, self._now + 1e-9, side="right")) - 1)
+                pictures[name] = readers[newest]()
         wrench = None if e.wrench is None else self._between(e.wrench)
-        return Reading(self._now, self._between(e.q), self._between(e.dq), wrench, told)
+        return Reading(self._now, self._between(e.q), self._between(e.dq), wrench, pictures)
 
     def command(self, pose: np.ndarray) -> None:
         """Measure the distance of `pose` from the log's command half a policy step later."""
@@ -165,17 +167,17 @@ class LoggedRobot(Clock):
                 f"{self._episode.name}: the log's commands differ from the policy's by {1e3 * apart:.1f} mm (median): "
                 "another policy, another clock or another goal position"
             )
-        if self._at is None or self._at.outcome is None:
+        if self._current is None or self._current.outcome is None:
             return None
-        o = self._at.outcome
-        said: dict[str, Any] = {"success": o.success, "category": "success" if o.success else o.category or "failed"}
+        o = self._current.outcome
+        verdict: dict[str, Any] = {"success": o.success, "category": "success" if o.success else o.category or "failed"}
         numbers = {"peak_force_n": o.peak_force, "depth_m": o.depth}
-        return said | {key: value for key, value in numbers.items() if value is not None}
+        return verdict | {key: value for key, value in numbers.items() if value is not None}
 
     @property
     def _episode(self) -> Episode:
-        assert self._at is not None, "connect comes first"
-        return self._at
+        assert self._current is not None, "connect comes first"
+        return self._current
 
     def _between(self, values: np.ndarray) -> np.ndarray:
         """Interpolate values (n, k) at the samples; return (k,) at the current time."""
@@ -189,10 +191,10 @@ def _of_recordings(place: Path) -> list[Callable[[Interface], Episode]]:
     """Return a function per episode of the recordings, which reads it. Raises UserError: none, or it cannot be read."""
     inside = sorted(p.parent for p in place.glob(f"*/{HEADER}"))
     found = [load(p) for p in ([place] if (place / HEADER).is_file() or not inside else inside)]
-    return [partial(_recorded, rec, int(k)) for rec in found for k in np.unique(_numbers(rec))]
+    return [partial(_recorded_episode, rec, int(k)) for rec in found for k in np.unique(_numbers(rec))]
 
 
-def _recorded(whole: Recording, number: int, interface: Interface) -> Episode:
+def _recorded_episode(whole: Recording, number: int, interface: Interface) -> Episode:
     """Return an episode of a recording. Raises UserError: another arm, or fewer than two samples of all joints."""
     if set(whole.joints) != set(interface.arm.joints):
         raise UserError("joints of another arm", file=whole.path, expected=interface.arm.joints, got=whole.joints)
@@ -204,9 +206,9 @@ def _recorded(whole: Recording, number: int, interface: Interface) -> Episode:
     pictures: dict[str, tuple[np.ndarray, list[Callable[[], Picture]]]] = {}
     for key, seen in interface.images.items():
         name = camera_of(key)
-        some = [] if rec.frames is None else [f for f in rec.frames.of(name) if f.episode == number]
-        if some:
-            pictures[name] = np.array([f.time - start for f in some]), _views(some, seen.eye)
+        frames = [] if rec.frames is None else [f for f in rec.frames.of(name) if f.episode == number]
+        if frames:
+            pictures[name] = np.array([f.time - start for f in frames]), _views(frames, seen.eye)
     ended = [o for o in rec.outcomes if o.episode == number]
     return Episode(
         rec.name,
@@ -246,11 +248,15 @@ def _of_dataset(place: Path) -> list[Callable[[Interface], Episode]]:
     from vispeg.datasets.read import Dataset
 
     index = Dataset(place, theirs=True)
-    ended = index.successes
-    return [partial(_shown, index.folder, k, ended) for k, row in enumerate(index.episodes) if row["length"] > 1]
+    successes = index.successes
+    return [
+        partial(_dataset_episode, index.folder, k, successes)
+        for k, row in enumerate(index.episodes)
+        if row["length"] > 1
+    ]
 
 
-def _shown(folder: Path, number: int, ended: Sequence[bool] | None, interface: Interface) -> Episode:
+def _dataset_episode(folder: Path, number: int, successes: Sequence[bool] | None, interface: Interface) -> Episode:
     """Return an episode of a folder in LeRobot's layout. Raises UserError: joints are missing."""
     from vispeg.datasets.layout import colour_of, depth_of
     from vispeg.datasets.read import Dataset
@@ -266,16 +272,19 @@ def _shown(folder: Path, number: int, ended: Sequence[bool] | None, interface: I
         both = {"rgb": colour_of(name), "depth": depth_of(name, info["features"])}
         eyes[name] = {kind: feature for kind, feature in both.items() if feature in info["features"]}
     speeds = tuple(f"{joint}{SPEED}" for joint in joints)
-    wanted = [name for some in (joints, speeds, FORCE) if all(n in places for n in some) for name in some]
+    complete = [group for group in (joints, speeds, FORCE) if all(name in places for name in group)]
+    wanted = [name for group in complete for name in group]
     seen = [feature for kinds in eyes.values() for feature in kinds.values()]
     names = dict.fromkeys([*(places[name][0] for name in wanted), *seen])
     chosen = Dataset(folder, names, theirs=True)
     data, believed = chosen.episode(number), chosen.cameras
 
-    def numbers(some: Sequence[str]) -> np.ndarray | None:
-        if any(name not in places for name in some):
+    def numbers(names: Sequence[str]) -> np.ndarray | None:
+        """Return the named numbers (n, len(names)) of the episode; None if the folder lacks one."""
+        if any(name not in places for name in names):
             return None
-        columns = [data[f].reshape(len(data[f]), -1)[:, i] for f, i in map(places.__getitem__, some)]
+        at = [places[name] for name in names]
+        columns = [data[feature].reshape(len(data[feature]), -1)[:, column] for feature, column in at]
         return np.stack(columns, axis=1).astype(float)
 
     q = numbers(joints)
@@ -286,7 +295,9 @@ def _shown(folder: Path, number: int, ended: Sequence[bool] | None, interface: I
         if kinds:
             images, eye = {kind: data[feature] for kind, feature in kinds.items()}, believed.get(name)
             views[name] = time, [partial(_picture, images, eye, i) for i in range(len(q))]
-    outcome = None if ended is None else Outcome(bool(ended[number]), number, "" if ended[number] else "failed")
+    outcome = None
+    if successes is not None:
+        outcome = Outcome(bool(successes[number]), number, "" if successes[number] else "failed")
     if (wrench := numbers(FORCE)) is not None:
         wrench = _held(wrench)
         wrench[:, :3] += interface.tool.weight_n
@@ -296,7 +307,7 @@ def _shown(folder: Path, number: int, ended: Sequence[bool] | None, interface: I
         q,
         _speeds(time, q, numbers(speeds)),
         wrench,
-        TOLD,
+        DATASET_WRENCH,
         views,
         None,
         outcome,

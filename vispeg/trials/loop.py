@@ -180,7 +180,7 @@ def run_episode(
     how.limits.fit(interface, connected.wrench is not None)
     loop = _Loop(policy, interface, robot, connected, how, clock, show, key)
     ended: str | None = None
-    told: Mapping[str, Any] | None = None
+    verdict: Mapping[str, Any] | None = None
     dog = Watchdog(robot.stop, 4 * how.silence) if watch else None
     try:
         if dog is None:
@@ -196,8 +196,8 @@ def run_episode(
         ended, loop.why = WATCHDOG, str(error) or None
     finally:
         with suppress(OSError):
-            told = robot.stop()
-    return loop.trial(ended, told, who, seed, name)
+            verdict = robot.stop()
+    return loop.trial(ended, verdict, who, seed, name)
 
 
 class _Loop:
@@ -223,16 +223,15 @@ class _Loop:
         self.builder, self.tape = Builder(slowed), Tape(interface, connected.wrench is not None)
         self.count, self.missed, self.reads, self.stale, self.peak = round(interface.steps / how.slow), 0, 0, 0, 0.0
         self.cameras = tuple(dict.fromkeys(camera_of(key) for key in interface.images))
-        self.deadline = (
-            RECENT * interface.controller.period_s
-        )  # as long as the window over which the wrench is averaged
+        # s, as long as the window over which the wrench is averaged
+        self.deadline = RECENT * interface.controller.period_s
         believed = how.goal or connected.start.get("believed_m")
         self.ended: Callable[[], bool | None] = getattr(robot, "ended", lambda: None)
         self.goal = None if believed is None else np.asarray(believed, float)
         self.target = np.zeros(7)
         self.first: Reading | None = None
-        # (6,) N, N m at the flange: the tool's weight in the last pose of taring
-        self.weighed: np.ndarray | None = None
+        # (6,) N, N m at the flange: the tool's weight in the pose in which the sensor was last zeroed
+        self.tared_weight: np.ndarray | None = None
         self.why: str | None = None
 
     def run(self, beat: Callable[[], None]) -> str | None:
@@ -240,16 +239,17 @@ class _Loop:
 
         None stands for a timeout, or for an end that the robot itself knows of.
         """
-        i, period = self.interface, self.interface.controller.period_s
+        interface, period = self.interface, self.interface.controller.period_s
         self.policy.reset(1)
-        rest = round(self.how.rest / period)
-        begin, tick, steps, newest, fresh = self.clock.now(), 0, 0, -np.inf, self.clock.now()
+        rest = round(self.how.rest / period)  # ticks before the policy acts
+        begin, tick, steps = self.clock.now(), 0, 0
+        newest, arrived = -np.inf, begin  # the newest reading: its time on the robot's clock, its arrival on the host's
         while True:
             due = begin + tick * period
             self.clock.wait(due)
             if not steps and tick >= rest and self.tape.length < self.how.rest - 1.5 * period:
                 rest = tick + 1  # the robot's clock is slower than the host's: rest longer
-            acts = tick >= rest + steps * i.ticks
+            acts = tick >= rest + steps * interface.ticks
             reading = self.robot.read(self.cameras if acts else ())
             beat()
             self.reads += 1
@@ -260,14 +260,14 @@ class _Loop:
             elif reading.time > newest and self.tape.felt:
                 self.builder.feel(wrench)
             if reading.time > newest:
-                passed, fresh = self.clock.now() - fresh, self.clock.now()
+                passed, arrived = self.clock.now() - arrived, self.clock.now()
                 if np.isfinite(newest) and reading.time - newest > passed + self.how.silence:
                     self.why = f"the robot's clock jumped forward by {reading.time - newest:.3g} s"
                     return WATCHDOG
                 newest = reading.time
             else:
                 self.stale += 1
-                if self.clock.now() - fresh > self.how.silence:
+                if self.clock.now() - arrived > self.how.silence:
                     self.why = f"no new reading for {self.how.silence:g} s"
                     return WATCHDOG
             self.tape.tick(reading.time, reading.q, reading.dq, wrench, self.target)
@@ -279,7 +279,7 @@ class _Loop:
             force = self._force(wrench)
             if self.key():
                 return STOPPED
-            if (limit := self.how.limits.broken(i, seen, force)) is not None:
+            if (limit := self.how.limits.broken(interface, seen, force)) is not None:
                 return limit
             if acts:
                 tip = seen.tip()[0] - seen.believed[0]
@@ -292,9 +292,8 @@ class _Loop:
                     return limit
                 steps += 1
             now = self.clock.now()
-            if (
-                now - due > i.policy_period_s
-            ):  # a whole step is lost: shift the schedule instead of catching up in a burst
+            # a whole step is lost: shift the schedule instead of catching up in a burst
+            if now - due > interface.policy_period_s:
                 begin += now - due
             tick = max(tick + 1, int((now - begin) / period + 1e-6))
 
@@ -320,6 +319,7 @@ class _Loop:
         return bool(z <= goal.reached_m[2]) and not beside
 
     def _begin(self, reading: Reading) -> None:
+        """Start the observer and the commanded pose from this reading: the first one, then the last one at rest."""
         self.first = reading
         self.builder.begin(reading.q, reading.dq, self.goal)
         self.target = np.concatenate([self.builder.observer.goal[0], self.builder.observer.rot[0]])
@@ -334,10 +334,10 @@ class _Loop:
             return wrench
         turn = self.builder.observer.chain.rotation(np.asarray(reading.q, float)[None])
         out = reaction(canonical(wrench[None], sensor, turn))[0]
-        if self.weighed is None or sensor.tared == "weight":
-            self.weighed = self.interface.tool.weight_at(turn[0])
+        if self.tared_weight is None or sensor.tared == "weight":  # this robot subtracts the weight at every pose
+            self.tared_weight = self.interface.tool.weight_at(turn[0])
         if sensor.tared:
-            out += self.weighed
+            out += self.tared_weight
         return out
 
     def _force(self, wrench: np.ndarray) -> float | None:
@@ -355,8 +355,8 @@ class _Loop:
         seen, action = self.builder.observer, np.asarray(self.policy.act(obs), float).reshape(-1)
         shares = self.how.limits.shares(self.interface, seen, force)
         target = self.builder.act(action)
-        asked = seen.held[0] if seen.turns else seen.goal[0] - [0, 0, seen.length]
-        if not self.how.limits.inside(self.interface, seen, asked):
+        commanded_tip = seen.held[0] if seen.turns else seen.goal[0] - [0, 0, seen.length]
+        if not self.how.limits.inside(self.interface, seen, commanded_tip):
             return WORKSPACE
         if not self.how.shadow:
             self.robot.command(target)
@@ -369,8 +369,14 @@ class _Loop:
         self.show(Step(*step, pose, target, felt, shares, reading.pictures))
         return None
 
-    def trial(self, ended: str | None, told: Mapping[str, Any] | None, who: PolicyPart, seed: int, name: str) -> Trial:
-        """Return the episode as a trial. Raises UserError: it ended before the policy acted."""
+    def trial(
+        self, ended: str | None, verdict: Mapping[str, Any] | None, who: PolicyPart, seed: int, name: str
+    ) -> Trial:
+        """Return the episode as a trial; `verdict` is the robot's, see `Driver.stop`.
+
+        Raises:
+            UserError: the episode ended before the policy acted.
+        """
         if self.first is None:
             raise UserError("the robot gave no reading", key="--robot", got=name)
         if not len(self.tape.late):
@@ -379,11 +385,9 @@ class _Loop:
         ended = ended or "timeout"
         outcome = {"success": ended == "success", "category": ended, "by": "measured", "why": self.why}
         outcome |= {"peak_force_n": self.peak if self.tape.felt else None}
-        if told is not None and ended in (
-            "success",
-            "timeout",
-        ):  # the robot's verdict counts unless a limit ended the episode
-            outcome |= {**told, "by": "robot"}
+        # the robot's verdict counts unless a limit ended the episode
+        if verdict is not None and ended in ("success", "timeout"):
+            outcome |= {**verdict, "by": "robot"}
         start = {**self.connected.start, "believed_m": self.builder.observer.believed[0].tolist()}
         start |= {"q_rad": np.asarray(self.first.q, float).tolist()}
         timing = TimingPart(

@@ -107,9 +107,9 @@ class Topics(_Part):
 
     def camera(self, name: str) -> CameraTopics:
         """Return the topics of a camera, with defaults filled in."""
-        told = self.cameras.get(name, CameraTopics())
+        stated = self.cameras.get(name, CameraTopics())
         defaults = {"rgb": f"{name}/rgb", "depth": f"{name}/depth", "info": f"{name}/camera_info"}
-        return told.model_copy(update={key: getattr(told, key) or value for key, value in defaults.items()})
+        return stated.model_copy(update={key: getattr(stated, key) or value for key, value in defaults.items()})
 
 
 def read_topics(file: str | Path) -> Topics:
@@ -148,17 +148,16 @@ class Link:
             raise UserError(what, key="--robot", expected=expected) from error
         self._time, self._duration = times.Time, durations.Duration
         os.environ.setdefault(RANGE, "LOCALHOST")
-        self._newest = qos.QoSProfile(
-            depth=1, reliability=qos.ReliabilityPolicy.BEST_EFFORT
-        )  # compatible with every publisher
+        # best effort is compatible with every publisher
+        self._newest = qos.QoSProfile(depth=1, reliability=qos.ReliabilityPolicy.BEST_EFFORT)
         self.context = rclpy.Context()
         quiet = ["vispeg", "--ros-args", "--disable-external-lib-logs"]  # write no log in the user's home
         rclpy.init(args=quiet, context=self.context, signal_handler_options=signals.SignalHandlerOptions.NO)
-        kept = {"start_parameter_services": False, "enable_rosout": False}
-        self.node = rclpy.create_node(name, namespace=topics.namespace, context=self.context, **kept)
+        off = {"start_parameter_services": False, "enable_rosout": False}
+        self.node = rclpy.create_node(name, namespace=topics.namespace, context=self.context, **off)
         self._executor = executors.SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
-        self._heard: dict[str, tuple[Any, float]] = {}
+        self._heard: dict[str, tuple[Any, float]] = {}  # topic -> its newest message, and when it came (monotonic, s)
         self._thread = threading.Thread(target=self._spin, daemon=True)
         self._thread.start()
         atexit.register(self.close)  # a running ROS 2 thread would abort the interpreter at exit
@@ -229,6 +228,7 @@ class Ros2Robot:
         self._link = Link("vispeg", self.topics)
         self._interface: Interface | None = None
         self._target: Any = None  # publisher of poses; made by the first command, as a shadow run must not publish
+        # names in a message -> the index there of each joint of the arm; None if a joint is missing
         self._orders: dict[tuple[str, ...], np.ndarray | None] = {}
 
     def connect(self, interface: Interface, seed: int) -> Connected:
@@ -236,7 +236,7 @@ class Ros2Robot:
         if self._interface is None:
             self._listen(interface)
         self._link.forget()
-        if lacking := self._link.lacking(list(self._kinds), WAIT):
+        if lacking := self._link.lacking(list(self._types), WAIT):
             raise self._missing(lacking[0])
         try:
             self._agrees(self.read().q)
@@ -257,9 +257,12 @@ class Ros2Robot:
         self._joints = link.listen(link.sensor.JointState, t.joint_states, self._ours)
         self._force = link.listen(link.geometry.WrenchStamped, t.wrench.topic)
         self._pose = link.listen(link.geometry.PoseStamped, t.current_pose)
-        self._kinds = {self._joints: "sensor_msgs/msg/JointState", self._force: "geometry_msgs/msg/WrenchStamped"}
+        self._types = {
+            self._joints: "sensor_msgs/msg/JointState",
+            self._force: "geometry_msgs/msg/WrenchStamped",
+        }
         self._eyes: dict[str, Camera] = {}
-        self._views: dict[str, dict[str, str]] = {}
+        self._views: dict[str, dict[str, str]] = {}  # camera -> `rgb`, `depth` or `info` -> topic
         for key, seen in interface.images.items():
             name = camera_of(key)
             topics, view = t.camera(name), self._views.setdefault(name, {})
@@ -268,7 +271,7 @@ class Ros2Robot:
             view[part] = link.listen(link.sensor.Image, getattr(topics, part))
             if "info" not in view:
                 view["info"] = link.listen(link.sensor.CameraInfo, topics.info or "")
-            self._kinds |= {view[part]: "sensor_msgs/msg/Image", view["info"]: "sensor_msgs/msg/CameraInfo"}
+            self._types |= {view[part]: "sensor_msgs/msg/Image", view["info"]: "sensor_msgs/msg/CameraInfo"}
         self._interface = interface
 
     def _ours(self, message: Any) -> bool:
@@ -281,7 +284,7 @@ class Ros2Robot:
 
     def _missing(self, name: str) -> UserError:
         """Return the error that explains why a topic has no usable message."""
-        kind = self._kinds[name]
+        kind = self._types[name]
         if name == self._joints and self._orders:
             expected = f"{', '.join(self._names)}; the key `joints` of ros2:FILE.yaml says how they are called"
             return UserError("does not name the arm's joints", key=name, expected=expected, got=[*self._orders][0])
@@ -303,10 +306,8 @@ class Ros2Robot:
         if off[0] <= APART[0] and off[1] <= APART[1]:
             return
         pos, turn = self._flange(q)[:3], rotation(self._flange(q)[3:])
-        place, quat = (
-            (np.round(x, 4) + 0.0).tolist()
-            for x in (turn.T @ (held[:3] - pos), quaternion(turn.T @ rotation(held[3:])))
-        )
+        offset = turn.T @ (held[:3] - pos), quaternion(turn.T @ rotation(held[3:]))
+        place, quat = ((np.round(x, 4) + 0.0).tolist() for x in offset)  # + 0.0 makes 0 of -0
         apart = f"{1e3 * off[0]:.1f} mm and {np.rad2deg(off[1]):.1f} degrees"
         expected = f"another base_frame there, or in ros2:FILE.yaml end_effector: {{pos_m: {place}, quat: {quat}}}"
         what = f"the controller holds a frame {apart} away from the one that would be commanded"
@@ -398,10 +399,8 @@ def composed(pose: np.ndarray, offset: np.ndarray) -> np.ndarray:
     """
     if np.array_equal(offset, [0, 0, 0, 1, 0, 0, 0]):
         return pose
-    (w, *v), (a, *b) = (
-        pose[3:],
-        offset[3:],
-    )  # the product's sign does not jump between poses, which a filter may rely on
+    # the product's sign does not jump between poses, which a filter may rely on
+    (w, *v), (a, *b) = pose[3:], offset[3:]
     turn = w * np.array(b) + a * np.array(v) + np.cross(v, b)
     return np.concatenate([pose[:3] + rotation(pose[3:]) @ offset[:3], [w * a - np.dot(v, b)], turn])
 

@@ -74,12 +74,12 @@ class Ros2Node:
         self.robot.tick()
         self.time += self.robot.config.control_period
         stamp = self.link.stamp(self.time)
-        self._say(stamp)
+        self._publish_readings(stamp)
         if self.robot.ticks % max(1, round(1 / (FRAMES * self.robot.config.control_period))) == 0:
-            self._show(stamp)
+            self._publish_pictures(stamp)
         if self.held is not None and self.robot.ended is not None and not self.ended:
-            self.ended, told = True, self.robot.outcome()
-            print(f"{told['category']}, {told['peak_force_n']:.1f} N at most", flush=True)
+            self.ended, outcome = True, self.robot.outcome()
+            print(f"{outcome['category']}, {outcome['peak_force_n']:.1f} N at most", flush=True)
 
     def _hold(self) -> None:
         try:
@@ -96,7 +96,7 @@ class Ros2Node:
         pose = np.array([p.x, p.y, p.z, o.w, o.x, o.y, o.z])
         self.robot.hold(composed(pose, _inverse(self.topics.end_effector.pose)))
 
-    def _say(self, stamp: Any) -> None:
+    def _publish_readings(self, stamp: Any) -> None:
         link, read = self.link, self.robot.reading()
         joints = link.sensor.JointState()
         joints.header.stamp = stamp
@@ -105,7 +105,7 @@ class Ros2Node:
         self.joints.publish(joints)
         pos, turn, _, _ = self.interface.chain.pose(read["q"][None], read["dq"][None])
         self.pose.publish(
-            _posed(link, composed(np.concatenate([pos[0], turn[0]]), self.topics.end_effector.pose), stamp)
+            _pose_message(link, composed(np.concatenate([pos[0], turn[0]]), self.topics.end_effector.pose), stamp)
         )
         force = link.geometry.WrenchStamped()
         force.header.stamp = stamp
@@ -116,7 +116,7 @@ class Ros2Node:
         f.x, f.y, f.z, t.x, t.y, t.z = as_read(read["wrench"], self.sensor, axes, self.tare).tolist()
         self.force.publish(force)
 
-    def _show(self, stamp: Any) -> None:
+    def _publish_pictures(self, stamp: Any) -> None:
         for key, image in self.robot.pictures([*self.eyes]).items():
             message = self.link.sensor.Image()
             message.header.stamp, message.height, message.width = stamp, image.shape[0], image.shape[1]
@@ -125,7 +125,7 @@ class Ros2Node:
             message.step, message.data = data.strides[0], data.tobytes()
             self.images[key].publish(message)
         for name, publisher in self.infos.items():
-            publisher.publish(_info(self.link, self.eyes[name], stamp))
+            publisher.publish(_info_message(self.link, self.eyes[name], stamp))
 
 
 def as_read(wrench: np.ndarray, sensor: WrenchSensor, turn: np.ndarray, tare: np.ndarray) -> np.ndarray:
@@ -149,7 +149,7 @@ def _inverse(pose: np.ndarray) -> np.ndarray:
     return np.concatenate([-rotation(quat) @ pose[:3], quat])
 
 
-def _posed(link: Link, pose: np.ndarray, stamp: Any) -> Any:
+def _pose_message(link: Link, pose: np.ndarray, stamp: Any) -> Any:
     message = link.geometry.PoseStamped()
     message.header.stamp = stamp
     p, o = message.pose.position, message.pose.orientation
@@ -157,7 +157,7 @@ def _posed(link: Link, pose: np.ndarray, stamp: Any) -> Any:
     return message
 
 
-def _info(link: Link, eye: Camera, stamp: Any) -> Any:
+def _info_message(link: Link, eye: Camera, stamp: Any) -> Any:
     message = link.sensor.CameraInfo()
     message.header.stamp, message.height, message.width = stamp, eye.height, eye.width
     message.distortion_model, message.d = "plumb_bob", list(eye.distortion)

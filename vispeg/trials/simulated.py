@@ -128,27 +128,28 @@ class SimulatedRobot:
         if record is None:
             category, depth = track.at_time(self.config), track.depths[-1]
             return {"success": False, "category": category, "peak_force_n": track.peak, "depth_m": depth}
-        told = {"success": record["success"], "category": record["category"]}
-        return {**told, "peak_force_n": record["peak_force"], "depth_m": record["depth"]}
+        ended = {"success": record["success"], "category": record["category"]}
+        return {**ended, "peak_force_n": record["peak_force"], "depth_m": record["depth"]}
 
 
 def serve(robot: SimulatedRobot, link: socket.socket, latency: float) -> None:
     """Run the robot in real time and answer requests, with this latency (s), until the other side disconnects."""
     period, rng = robot.config.control_period, stream(time.time_ns() % 2**31, "robot's clock")
     offset = float(rng.uniform(1e3, 1e6))  # a real robot's clock does not begin at 0 either
+    # the robot's time and its reading then, the oldest first: clients get the oldest, which is `latency` old
     past: deque[tuple[float, dict[str, np.ndarray]]] = deque(maxlen=max(1, round(latency / period) + 1))
-    coming: deque[tuple[float, np.ndarray]] = deque()
-    begun, going = time.monotonic(), False
+    commands: deque[tuple[float, np.ndarray]] = deque()  # the robot's time at which each takes effect, the flange pose
+    begun, connected = time.monotonic(), False
     while True:
-        due = begun + (robot.ticks + 1) * period if going else time.monotonic() + 1.0
-        while (left := due - time.monotonic()) > 0 or not going:
+        due = begun + (robot.ticks + 1) * period if connected else time.monotonic() + 1.0
+        while (left := due - time.monotonic()) > 0 or not connected:
             if select.select([link], [], [], max(0.0, left))[0]:
                 message, arrays = receive(link)
                 if message["call"] == "connect":
                     start = robot.begin(int(message["seed"]))
-                    begun, going = time.monotonic(), True
+                    begun, connected = time.monotonic(), True
                     past.clear()
-                    coming.clear()
+                    commands.clear()
                     past.append((robot.time, robot.reading()))
                     file = robot.env.file
                     send(link, {"start": start, "world": {"name": file.name, "hash": file.hash} if file else {}})
@@ -159,13 +160,13 @@ def serve(robot: SimulatedRobot, link: socket.socket, latency: float) -> None:
                 elif message["call"] == "ended":
                     send(link, {"ended": robot.over()})
                 elif message["call"] == "command":
-                    coming.append((robot.time + latency, arrays["pose"]))
+                    commands.append((robot.time + latency, arrays["pose"]))
                 elif message["call"] == "stop":
-                    coming.clear()
+                    commands.clear()
                     robot.rest()
                     send(link, robot.outcome())
-        while coming and coming[0][0] <= robot.time + 1e-9:
-            robot.hold(coming.popleft()[1])
+        while commands and commands[0][0] <= robot.time + 1e-9:
+            robot.hold(commands.popleft()[1])
         robot.tick()
         past.append((robot.time, robot.reading()))
         if (behind := time.monotonic() - due) > BEHIND:

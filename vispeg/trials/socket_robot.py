@@ -34,13 +34,13 @@ class SocketRobot:
 
     def __init__(self, text: str):
         self.world, _, rest = text.partition("?")
-        asked = dict(parse_qsl(rest, keep_blank_values=True))
-        value = asked.pop("latency", "0")
+        options = dict(parse_qsl(rest, keep_blank_values=True))
+        value = options.pop("latency", "0")
         try:
             self.latency = float(value)
         except ValueError:
             self.latency = -1.0
-        if asked or not 0 <= self.latency <= 0.5 or (rest and "=" not in rest):
+        if options or not 0 <= self.latency <= 0.5 or (rest and "=" not in rest):
             expected = "sim:WORLD, or sim:WORLD?latency=SECONDS up to 0.5"
             raise UserError("not a simulated robot", key="--robot", expected=expected, got=f"sim:{text}")
         from vispeg.task.world_file import load_world
@@ -48,14 +48,14 @@ class SocketRobot:
         load_world(self.world)
         self._link: socket.socket | None = None
         self._process: subprocess.Popen[str] | None = None
-        self._turn = threading.Lock()  # the watchdog may call `stop` while the loop reads
+        self._lock = threading.Lock()  # the watchdog may call `stop` while the loop reads
 
     def connect(self, interface: Interface, seed: int) -> Connected:
         """See Driver."""
         if self._link is None:
             self._open(interface)
-        told, _ = self._ask({"call": "connect", "seed": seed}, wait=60.0)
-        return Connected(start=told["start"], world=told["world"])
+        answer, _ = self._ask({"call": "connect", "seed": seed}, wait=60.0)
+        return Connected(start=answer["start"], world=answer["world"])
 
     def _open(self, interface: Interface) -> None:
         settings: dict[str, Any] = {"policy_period": interface.policy_period_s, "dof": list(interface.dof)}
@@ -66,31 +66,31 @@ class SocketRobot:
         from vispeg.learn.modalities import modality
 
         mode, token = modality(interface.modality).obs_mode, secrets.token_hex(16)
-        asked = {"world": self.world, "obs_mode": mode, "settings": settings, "latency": self.latency, "token": token}
+        robot = {"world": self.world, "obs_mode": mode, "settings": settings, "latency": self.latency, "token": token}
         self._process = subprocess.Popen(
             [sys.executable, "-m", "vispeg.trials.simulated"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
         assert self._process.stdin is not None and self._process.stdout is not None
-        self._process.stdin.write(json.dumps(asked) + "\n")
+        self._process.stdin.write(json.dumps(robot) + "\n")
         self._process.stdin.flush()
         line = self._process.stdout.readline()
-        told = json.loads(line) if line else {"error": "the simulated robot did not start"}
-        if "error" in told:
+        answer = json.loads(line) if line else {"error": "the simulated robot did not start"}
+        if "error" in answer:
             self.close()
-            raise UserError(told["error"])
-        self._link = socket.create_connection(("127.0.0.1", told["port"]), timeout=ANSWER)
+            raise UserError(answer["error"])
+        self._link = socket.create_connection(("127.0.0.1", answer["port"]), timeout=ANSWER)
         self._link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         send(self._link, {"token": token})
 
     def read(self, cameras: Sequence[str] = ()) -> Reading:
         """See Driver."""
-        told, values = self._ask({"call": "read", "cameras": list(cameras)})
+        answer, values = self._ask({"call": "read", "cameras": list(cameras)})
         pictures: dict[str, dict[str, np.ndarray]] = {}
         for key, image in values.items():
             if key not in ("q", "dq", "wrench"):
                 pictures.setdefault(camera_of(key), {})["depth" if image.ndim == 2 else "rgb"] = image
-        seen = {name: Picture(i.get("rgb"), i.get("depth")) for name, i in pictures.items()}
-        return Reading(told["time"], values["q"], values["dq"], values["wrench"], seen)
+        by_camera = {name: Picture(kinds.get("rgb"), kinds.get("depth")) for name, kinds in pictures.items()}
+        return Reading(answer["time"], values["q"], values["dq"], values["wrench"], by_camera)
 
     def ended(self) -> bool:
         """See Driver."""
@@ -98,7 +98,7 @@ class SocketRobot:
 
     def command(self, pose: np.ndarray) -> None:
         """See Driver."""
-        with self._turn:
+        with self._lock:
             if self._link is None:
                 raise OSError("not connected")
             send(self._link, {"call": "command"}, {"pose": np.asarray(pose, float)})
@@ -123,7 +123,7 @@ class SocketRobot:
             self._process = None
 
     def _ask(self, message: Mapping[str, Any], wait: float = ANSWER) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-        with self._turn:
+        with self._lock:
             if self._link is None:
                 raise OSError("not connected")
             self._link.settimeout(wait)

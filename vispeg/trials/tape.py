@@ -33,7 +33,7 @@ class Tape:
         self._ticks: list[tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
         self._steps: list[tuple[float, float, np.ndarray, np.ndarray, np.ndarray]] = []
         self._pictures: list[tuple[float, str, Picture]] = []
-        self._eyes: dict[str, Camera] = {camera_of(key): seen.eye for key, seen in interface.images.items()}
+        self._cameras: dict[str, Camera] = {camera_of(key): seen.eye for key, seen in interface.images.items()}
 
     def tick(self, time: float, q: np.ndarray, dq: np.ndarray, wrench: np.ndarray, target: np.ndarray) -> None:
         """Add a reading, unless its time is not later than the last one's.
@@ -60,8 +60,8 @@ class Tape:
         """Add a policy step on the last reading; with `moves`, the reading's commanded pose becomes `target`."""
         time, q, dq, wrench, before = self._ticks[-1]
         self._ticks[-1] = (time, q, dq, wrench, np.array(target, float) if moves else before)
-        told, did, asked = (np.array(x, float).reshape(-1) for x in (seen, action, target))
-        self._steps.append((time, late, told, did, asked))
+        seen, action, target = (np.array(x, float).reshape(-1) for x in (seen, action, target))
+        self._steps.append((time, late, seen, action, target))
         self._pictures += [(time, name, picture) for name, picture in pictures.items()]
 
     @property
@@ -133,7 +133,7 @@ class Tape:
         frames = []
         for time, name, picture in self._pictures:
             if name not in cameras:
-                cameras[name] = recorded(picture.camera or self._eyes[name], name)
+                cameras[name] = recorded(picture.camera or self._cameras[name], name)
             depth = None if picture.depth is None else np.nan_to_num(np.asarray(picture.depth, np.float32))
             frames.append(RecordedFrame(time - begin, cameras[name], picture.rgb, depth))
         return Frames(cameras, tuple(frames)) if frames else None

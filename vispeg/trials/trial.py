@@ -140,7 +140,8 @@ class Said(_Part):
     def again(self) -> Start:
         """Return the start for a replay in another world: its seed draws the effects.
 
-        A goal that nobody measured is where a policy that is told the goal believed it to be; else the seed draws it.
+        If nobody measured the goal, it is where the policy believed it, or, for a policy that is not told the goal,
+        where the seed draws it.
 
         Raises:
             UserError: unknown effect or modality.
@@ -237,7 +238,9 @@ def folders(place: str | Path) -> list[Path]:
         UserError: there are none.
     """
     place = Path(place)
-    found = [place] if is_trial(place) else sorted(p for p in place.glob("*") if is_trial(p)) if place.is_dir() else []
+    found = [place] if is_trial(place) else []
+    if not found and place.is_dir():
+        found = sorted(p for p in place.glob("*") if is_trial(p))
     if not found:
         raise UserError("holds no trials", file=place, expected=f"folders with {FILE}")
     return found
@@ -274,9 +277,11 @@ def _steps(file: Path) -> Steps:
     table = read_table(file)
 
     def block(name: str, labels: Sequence[str] | None = None) -> np.ndarray:
-        names = (
-            [n for n in table.names if n.startswith(f"{name}.")] if labels is None else [f"{name}.{x}" for x in labels]
-        )
+        """Return the columns NAME.LABEL side by side (n, k); without labels all columns NAME.*, in the file's order."""
+        if labels is None:
+            names = [n for n in table.names if n.startswith(f"{name}.")]
+        else:
+            names = [f"{name}.{label}" for label in labels]
         if not names:
             raise UserError("columns are missing", file=file, expected=f"{name}.0, ..")
         return np.stack([_number(table, n) for n in names], axis=1)
