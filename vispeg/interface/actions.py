@@ -105,21 +105,22 @@ class Actions:
         source: Any = None,
     ):
         self.settings, self.chain, self.length, self.joints = settings, chain, tip, tuple(joints)
-        told = self._told(names, width) if kind is None else checked(kind, source)
-        if told is None:
+        known = self._inferred(names, width) if kind is None else checked(kind, source)
+        if known is None:
             got = ", ".join(names) or f"{width} numbers"
             raise UserError(
                 "the meaning of its actions is not stated", file=source, key="action", got=got, choices=KINDS
             )
-        self.kind = told
+        self.kind = known
         # if actions have further entries, such as a gripper's, use only those of the joints
-        columns = columns_of(names, self.joints) if told in (JOINT_GOAL, JOINT_DELTA) else None
+        columns = columns_of(names, self.joints) if known in (JOINT_GOAL, JOINT_DELTA) else None
         self._columns = slice(None) if columns is None else np.array(columns)
         self._entries = None if columns is None else len(names)
         if width is not None:
             self.check(width, source)
 
-    def _told(self, names: Sequence[str], width: int | None) -> str | None:
+    def _inferred(self, names: Sequence[str], width: int | None) -> str | None:
+        """Return the kind of actions with these entries; None if it cannot be inferred."""
         if not names or tuple(names) == tuple(self.settings.dof):
             return OFFSET if width in (None, len(self.settings.dof)) else None
         if columns_of(names, self.joints) is not None:

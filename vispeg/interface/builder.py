@@ -84,7 +84,10 @@ class Builder:
         if self._begun and self._recent:
             o.feel(np.stack(self._recent)[:, None])
         values = scaled(self.interface.terms, o)
-        o.stack.push(values) if self._begun else o.stack.fill(np.arange(1), values)
+        if self._begun:
+            o.stack.push(values)
+        else:
+            o.stack.fill(np.arange(1), values)
         self._begun = True
         measured = o.readings().astype(np.float32)
         return {POLICY: policy_part(o.stack), MEASURED: measured, **images(self.interface, pictures or {})}
@@ -131,8 +134,8 @@ def seen_by(eye: Camera, picture: Picture, camera: Camera) -> Picture:
     """
     import cv2
 
-    at = camera.project(eye.rays()).astype(np.float32)
-    at = np.nan_to_num(at, nan=-1e6)
+    at = camera.project(eye.rays()).astype(np.float32)  # (H, W, 2) px in the original picture, for each pixel of `eye`
+    at = np.nan_to_num(at, nan=-1e6)  # outside the picture
     rgb, depth = picture.rgb, picture.depth
     return Picture(
         None if rgb is None else cv2.remap(rgb, at[..., 0], at[..., 1], cv2.INTER_LINEAR),

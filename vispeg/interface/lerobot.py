@@ -97,8 +97,8 @@ class LeRobotProcess:
         if answer is not None and "refused" in answer:
             raise UserError(f"{self.name}: {answer['refused']}")
         if answer is None or "error" in answer:
-            said = ENDED if answer is None else str(answer["error"])
-            raise UserError(f"{self.name}: {said.splitlines()[0]}", expected=f"lerobot in {self.python}")
+            reason = ENDED if answer is None else str(answer["error"])
+            raise UserError(f"{self.name}: {reason.splitlines()[0]}", expected=f"lerobot in {self.python}")
         return answer
 
     def close(self, wait: float) -> None:

@@ -67,7 +67,7 @@ class Player:
         self.policy = factory.get_policy_class(config.type).from_pretrained(folder, config=config)
         self.policy.eval()
         device = {"device_processor": {"device": "cpu"}}
-        self.before, self.behind = factory.make_pre_post_processors(
+        self.preprocess, self.postprocess = factory.make_pre_post_processors(
             config, pretrained_path=folder, preprocessor_overrides=device
         )
         self.rows: dict[int, Any] = {}
@@ -87,13 +87,16 @@ class Player:
         batch: dict[str, Any] = {key: torch.from_numpy(value) for key, value in seen.items() if value.dtype.kind != "U"}
         batch |= {key: str(value) for key, value in seen.items() if value.dtype.kind == "U"}
         with torch.inference_mode():
-            action = self.behind(self.rows[row].select_action(self.before(batch)))
+            action = self.postprocess(self.rows[row].select_action(self.preprocess(batch)))
         return np.asarray(action.float().cpu().numpy().reshape(-1), np.float32)
 
     def answer(self, asked: dict[str, np.ndarray]) -> dict[str, Any]:
         """Return the answer to a message."""
         row = int(asked.pop("row"))
-        return {"action": self.act(row, asked)} if asked else self.begin(row) or {}
+        if asked:
+            return {"action": self.act(row, asked)}
+        self.begin(row)
+        return {}
 
     def close(self) -> None:
         """Do nothing: a policy has nothing to close."""
@@ -135,7 +138,7 @@ class Body:
         self.cameras = [key for key, what in shown.items() if isinstance(what, tuple) and len(what) == 3]
         self.action = [key for key, what in self.robot.action_features.items() if what is float]
 
-    def said(self) -> dict[str, Any]:
+    def names(self) -> dict[str, Any]:
         """Return the first message: names of the robot's numbers and cameras."""
         names = {"state": self.state, "cameras": self.cameras, "action": self.action}
         return {key: np.array(value, dtype=np.str_) for key, value in names.items()}
@@ -153,7 +156,7 @@ class Body:
         self.robot.disconnect()
 
 
-def said(error: Exception) -> dict[str, str]:
+def report(error: Exception) -> dict[str, str]:
     """Return the message that reports an error."""
     return {"refused": str(error)} if isinstance(error, Refused) else {"error": f"{type(error).__name__}: {error}"}
 
@@ -161,26 +164,26 @@ def said(error: Exception) -> dict[str, str]:
 def main() -> None:
     """Answer messages until the other side ends. LeRobot's output goes to stderr, and its input is empty."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the other side handles interrupts
-    come, out = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    incoming, outgoing = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(2, 1)
     kinds: dict[str, Callable[..., Any]] = {"policy": Player, "robot": Body}
     try:
-        held = kinds[sys.argv[1]](*sys.argv[2:])
+        served = kinds[sys.argv[1]](*sys.argv[2:])
     except Exception as error:  # LeRobot may raise anything
-        write(out, said(error))
+        write(outgoing, report(error))
         return
-    write(out, held.said() if isinstance(held, Body) else {})
+    write(outgoing, served.names() if isinstance(served, Body) else {})
     try:
-        while (asked := read(come)) is not None:
+        while (asked := read(incoming)) is not None:
             try:
-                write(out, held.answer(asked))
+                write(outgoing, served.answer(asked))
             except Exception as error:  # LeRobot may raise anything
-                write(out, said(error))
+                write(outgoing, report(error))
     except BrokenPipeError:
         pass
     finally:
-        held.close()
+        served.close()
 
 
 if __name__ == "__main__":

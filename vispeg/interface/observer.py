@@ -143,8 +143,8 @@ class Observer:
         moved = self.flange + self.lever(self.turn) + self.settings.offset * motion[:, :3]
         held, rot = np.where(self.move[:3], moved, self.held), self.rot
         if self.turns:
-            asked = rotation_vector(self.straight, self.turn) + self.settings.turn * motion[:, 3:]
-            rot = turned(self.straight, np.where(self.move[3:], asked, 0.0))
+            rotation = rotation_vector(self.straight, self.turn) + self.settings.turn * motion[:, 3:]
+            rot = turned(self.straight, np.where(self.move[3:], rotation, 0.0))
         return held, rot
 
     def offset_to(self, tip: np.ndarray, turn: np.ndarray | None = None) -> np.ndarray:
@@ -157,8 +157,8 @@ class Observer:
         motion = np.zeros((self.n, 6))
         motion[:, :3] = (tip - self.tip()) / self.settings.offset
         if turn is not None:
-            asked = rotation_vector(self.straight, turn) - rotation_vector(self.straight, self.turn)
-            motion[:, 3:] = asked / self.settings.turn
+            rotation = rotation_vector(self.straight, turn) - rotation_vector(self.straight, self.turn)
+            motion[:, 3:] = rotation / self.settings.turn
         return motion
 
     def hold(self, held: np.ndarray, rot: np.ndarray) -> None:
