@@ -59,29 +59,28 @@ def plan_of(
     """
     file = load_world(world)
     task = task_of(file, cameras, size)
-    through = task_cameras(scene_of(task), task, file.cameras)
+    used = task_cameras(scene_of(task), task, file.cameras)
     if looks > 1 and not optical(file.world, task.cameras).ranges:
         raise UserError(
             "all looks would be the same: the world varies nothing that is seen", key="looks", expected="1", got=looks
         )
-    per = shard_frames(sum(c.width * c.height for c in through))
-    name = world if world == file.path.stem else str(file.path)
+    name = world if world == file.path.stem else str(file.path)  # a built-in world's name, else a path
     plan = Plan(
         name,
         file.hash,
         frames,
         looks,
-        tuple(c.name for c in through),
+        tuple(c.name for c in used),
         size,
         seed,
         noise,
         labels,
         str(file.renderer.get("backend", backend)),
-        shard_frames=per,
+        shard_frames=shard_frames(sum(c.width * c.height for c in used)),
         modality=modality,
         images=images_of(file, task.cameras),
     )
-    return plan, layout_of(file, task, through, labels, modality != RGB)
+    return plan, layout_of(file, task, used, labels, modality != RGB)
 
 
 def images_of(file: WorldFile, cameras: Sequence[str]) -> str:

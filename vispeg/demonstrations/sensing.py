@@ -79,7 +79,7 @@ def sense(camera: Camera, clips: Sequence[Clip], period: float, rows: int = ROWS
     n = min(rows, len(clips))
     out = [Sensed(np.empty_like(c.rgb), np.empty_like(c.depth), np.empty(len(c), int), _empty(c.parts)) for c in clips]
     labelled = all(c.parts is not None for c in clips)
-    clip_of, step, following = list(range(n)), [0] * n, n  # clip and step of each row; the next clip
+    clip_of, step, next_clip = list(range(n)), [0] * n, n  # clip and step of each row
     pipeline = Pipeline([clips[i].world for i in clip_of], camera.name)
     intrinsics = np.repeat(camera.K[None], n, axis=0)
     busy = list(range(n))
@@ -100,15 +100,16 @@ def sense(camera: Camera, clips: Sequence[Clip], period: float, rows: int = ROWS
         rgb = np.round(255 * np.clip(delivered.rgb, 0, 1)).astype(np.uint8)
         shown = np.rint(delivered.shown / period).astype(int)
         for row in busy:
-            of, at = out[clip_of[row]], step[row]
-            of.rgb[at], of.depth[at], of.shown[at] = rgb[row], np.nan_to_num(delivered.depth[row]), shown[row]
-            if of.parts is not None and delivered.parts is not None:
-                of.parts[at] = delivered.parts[row]
+            images, t = out[clip_of[row]], step[row]
+            images.rgb[t], images.depth[t] = rgb[row], np.nan_to_num(delivered.depth[row])
+            images.shown[t] = shown[row]
+            if images.parts is not None and delivered.parts is not None:
+                images.parts[t] = delivered.parts[row]
             step[row] += 1
-        over = [row for row in busy if step[row] == len(clips[clip_of[row]])]
-        for row in over:
-            if following < len(clips):
-                clip_of[row], step[row], following = following, 0, following + 1
+        ended = [row for row in busy if step[row] == len(clips[clip_of[row]])]
+        for row in ended:
+            if next_clip < len(clips):
+                clip_of[row], step[row], next_clip = next_clip, 0, next_clip + 1
                 pipeline.place([row], [clips[clip_of[row]].world])
             else:
                 pipeline.place([row], [World()])  # an idle row repeats its last image, without effects

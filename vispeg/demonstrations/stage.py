@@ -9,6 +9,7 @@ play. Noise on the expert's executed actions makes it show how to recover; the l
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
@@ -35,7 +36,7 @@ from vispeg.render.snapshot import Snapshot
 from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.registry import task_of as contract_of
 from vispeg.task.result import EpisodeResult
-from vispeg.task.terms import PRIVILEGED
+from vispeg.task.terms import LIMIT, PRIVILEGED
 from vispeg.task.world_file import load_world
 from vispeg.worlds.split import optical
 from vispeg.worlds.world import World
@@ -89,13 +90,12 @@ def shard(plan: Plan, layout: Layout, wanted: Shard) -> Iterator[Episode]:
     stage = _stage(plan, layout)
     remaining, takes = wanted.frames, list[Take]()
     seeds = (plan.episode_seed(wanted.number, i) for i in count())
-    for episode in stage.play(seeds, -(-remaining // plan.looks)):
-        used = episode[1][: -(-remaining // plan.looks)]
-        for look in range(plan.looks if remaining else 0):
-            seed, moments, record, drawn = episode
+    for seed, moments, record, physics in stage.play(seeds, math.ceil(remaining / plan.looks)):
+        used = moments[: math.ceil(remaining / plan.looks)]
+        for look in range(plan.looks):
             if remaining:
                 cut = record is None or min(len(used), remaining) < len(moments)
-                takes.append(stage.take(seed, look, used[:remaining], None if cut else record, drawn))
+                takes.append(stage.take(seed, look, used[:remaining], None if cut else record, physics))
                 remaining -= len(takes[-1].frames)
             if len(takes) == TAKES:
                 yield from stage.develop(takes)
@@ -145,19 +145,18 @@ class Stage:
         self._begin(rows, todo, every)
         while any(rows) and not _enough(every, wanted):
             observation, truth = self.sim.observation(), self._truth()
-            meant = self.expert.act(observation)
-            shaken = meant.copy()
+            intended = self.expert.act(observation)
+            executed = intended.copy()
             playing = [(i, episode) for i, episode in enumerate(rows) if episode]
             for i, episode in playing:
-                shaken[i] = np.clip(
-                    meant[i] + self.plan.noise * episode.noise.standard_normal(len(self.config.dof)), -1, 1
-                )
-                episode.moments.append(self._moment(i, truth[i], meant[i], shaken[i]))
-            gain, _, _, ended = self.sim.step(shaken)
+                noise = self.plan.noise * episode.noise.standard_normal(len(self.config.dof))
+                executed[i] = np.clip(intended[i] + noise, -1, 1)
+                episode.moments.append(self._moment(i, truth[i], intended[i], executed[i]))
+            rewards, _, _, ended = self.sim.step(executed)
             for i, episode in playing:
                 record = episode.record = ended[i]
                 success = record is not None and record["success"]
-                after = {"next.reward": gain[i], "next.done": record is not None, "next.success": success}
+                after = {"next.reward": rewards[i], "next.done": record is not None, "next.success": success}
                 episode.moments[-1].values.update(after)
                 rows[i] = episode if record is None else None
             self._begin(rows, todo, every)
@@ -176,14 +175,14 @@ class Stage:
             every.append(episode)
 
     def _truth(self) -> np.ndarray:
-        """Return the ground truth (ROWS, k) beside a policy that is told only the goal's nominal place."""
+        """Return the ground truth (ROWS, k) as it is for a policy that is told only the goal's nominal place."""
         seen = self.sim.seen
-        told, seen.believed = seen.believed, np.tile(self.sim.nominal_goal, (ROWS, 1))
+        believed, seen.believed = seen.believed, np.tile(self.sim.nominal_goal, (ROWS, 1))
         truth = self.sim.observation()[PRIVILEGED]
-        seen.believed = told
+        seen.believed = believed
         return truth
 
-    def _moment(self, row: int, truth: np.ndarray, meant: np.ndarray, shaken: np.ndarray) -> Moment:
+    def _moment(self, row: int, truth: np.ndarray, intended: np.ndarray, executed: np.ndarray) -> Moment:
         sim = self.sim
         seen = sim.seen
         terms = seen.stack.values[:, row].copy()
@@ -192,10 +191,10 @@ class Stage:
         terms[:, sim.observed["tip"]] += (seen.believed[row] - sim.nominal_goal) / unit
         values = {
             "observation.state": seen.readings()[row],
-            "observation.policy": np.clip(terms.reshape(-1), -20, 20),
+            "observation.policy": np.clip(terms.reshape(-1), -LIMIT, LIMIT),
             truth_of(()): truth,
-            "action": meant,
-            "executed.action": shaken,
+            "action": intended,
+            "executed.action": executed,
         }
         return Moment(sim.snapshot(row), values)
 
@@ -227,7 +226,7 @@ class Stage:
             drawn(1)
         # of the goal, the tip and each camera in every frame: (T, 2 + cameras, 7) m and wxyz
         poses = np.concatenate([np.array(pos), quaternion(np.array(axes))], axis=-1)
-        frames = [m.values | {f"label.{self.scene.goal}": of[0]} for m, of in zip(moments, poses, strict=True)]
+        frames = [m.values | {f"label.{self.scene.goal}": at[0]} for m, at in zip(moments, poses, strict=True)]
         about = {
             "task": self.task.title,
             "seed": seed,
@@ -244,13 +243,13 @@ class Stage:
         }
         clips = {}
         for c in self.layout.cameras:
-            mine = [s[c.name] for s in shots]
-            rgb, truth, velocity = (np.stack([getattr(s, key) for s in mine]) for key in ("rgb", "depth", "velocity"))
+            own = [shot[c.name] for shot in shots]
+            rgb, truth, velocity = (np.stack([getattr(s, key) for s in own]) for key in ("rgb", "depth", "velocity"))
             depth = np.stack([m[c.name] for m in matched]) if c.name in matched[0] else truth
-            parts = [s.segmentation.astype(np.uint8) for s in mine if s.segmentation is not None]
+            parts = [s.segmentation.astype(np.uint8) for s in own if s.segmentation is not None]
             clips[c.name] = Clip(world, view_seed, rgb, depth, truth, velocity, np.stack(parts) if parts else None)
         by_camera = {
-            c.name: [{f"label.{self.scene.held}.{c.name}": of[1], f"label.camera.{c.name}": of[2 + i]} for of in poses]
+            c.name: [{f"label.{self.scene.held}.{c.name}": at[1], f"label.camera.{c.name}": at[2 + i]} for at in poses]
             for i, c in enumerate(self.layout.cameras)
         }
         return Take(frames, by_camera, clips, about)
