@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from vispeg.report.text.summary import Block
 
 REQUIRED: Any = MISSING
-SAME: Any = object()
+SAME: Any = object()  # the default of the parameter
 NAMED_IN = re.compile(r"`(\w+)`")  # a parameter in a docstring
 ARGS = re.compile(r"\n\s*Args:\n.*\Z", re.DOTALL)
 
@@ -93,7 +93,8 @@ class Command:
         own = {k: v for k, v in parameters(self.place).items() if k != "call"}
         called: dict[str, Parameter] = {}
         for place in self.functions:
-            called = {**called, **{k: v for k, v in parameters(place).items() if k not in called}}
+            for key, parameter in parameters(place).items():
+                called.setdefault(key, parameter)
         assert not own.keys() & called.keys(), f"{self.place} declares again {own.keys() & called.keys()}"
         found = {}
         for name, parameter in {**called, **own}.items():
@@ -252,7 +253,9 @@ def typed(hint: Any, name: str) -> Any:
     if _pairs(hint) is not None:
         return tuple[str, ...] | None if NoneType in parts else tuple[str, ...]
     several = any(get_origin(part) is Sequence for part in parts)
-    inner = [p for part in parts for p in (_members(get_args(part)[0]) if get_origin(part) is Sequence else (part,))]
+    inner = []  # the types of a single value
+    for part in parts:
+        inner += _members(get_args(part)[0]) if get_origin(part) is Sequence else [part]
     kinds = [p for p in dict.fromkeys(inner) if p in (bool, int, float, str, Path) or get_origin(p) in (Literal, tuple)]
     if {str, Path} <= {*kinds}:
         kinds.remove(Path if name in NAMED else str)

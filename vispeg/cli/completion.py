@@ -65,9 +65,12 @@ def _values(name: str, kind: Any, names: Callable[[str], list[str]]) -> Sequence
     """Return the known values of an option; empty if it takes any number or text, None for a switch."""
     if name in NAMED:
         return [*names(NAMED[name]), FILES]
-    if (few := choices(kind)) or (basic := plain(kind)) is not None:
-        return few or ((FILES,) if basic is Path else ())
-    return None
+    if few := choices(kind):
+        return few
+    basic = plain(kind)
+    if basic is None:
+        return None
+    return (FILES,) if basic is Path else ()
 
 
 def _names(what: str) -> list[str]:
@@ -82,6 +85,7 @@ def _bash(rows: Mapping[str, Words]) -> str:
     for name, after in rows.items():
         flags = " ".join(flag for flag in after if flag)
         cases += [f'    "{name} {flag}") {_set(values)} ;;' for flag, values in after.items() if flag and values]
+        # after no option or a switch, all options and the positional values may follow
         before = "|".join(f'"{name} {flag}"' for flag in ("", *(f for f in after if f and after[f] is None)))
         cases.append(f"    {before}) {_set([flags, *(after.get('') or ())])} ;;")
     groups = "|".join(sorted({name.split()[0] for name in rows if " " in name}))

@@ -49,12 +49,12 @@ def parameters(place: str) -> dict[str, Parameter]:
     module, _, name = place.partition(":")
     body = _tree(module).body
     node = next(n for n in body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name == name)
-    names, said = _Names(module), _said(ast.get_docstring(node) or "")
+    names, descriptions = _Names(module), _descriptions(ast.get_docstring(node) or "")
     found = {}
     for key, annotation, default in _stated(node):
         value: Any = MISSING if default is None else names.evaluated(default)
         hint = Unknown if annotation is None else names.evaluated(annotation)
-        found[key] = Parameter(key, hint, value, said.get(key, ""))
+        found[key] = Parameter(key, hint, value, descriptions.get(key, ""))
     return found
 
 
@@ -89,7 +89,7 @@ def _file(module: str) -> Path:
     return package if package.is_file() else path.with_suffix(".py")
 
 
-def _said(text: str) -> dict[str, str]:
+def _descriptions(text: str) -> dict[str, str]:
     """Return parameter -> its description in a docstring, or in the docstring that it refers to."""
     found = {}
     for entry in parse(text).params:
@@ -121,9 +121,8 @@ class _Names(dict[str, Any]):
     def evaluated(self, node: ast.expr) -> Any:
         """Return the value of an expression; `Unknown` if it cannot be evaluated."""
         try:
-            value = eval(
-                compile(ast.Expression(node), self.module, "eval"), {}, self
-            )  # safe, as it is this package's source
+            # safe, as it is this package's source
+            value = eval(compile(ast.Expression(node), self.module, "eval"), {}, self)
             return Unknown if isinstance(value, Unknown) else value
         except (TypeError, AttributeError):
             return Unknown

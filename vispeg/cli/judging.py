@@ -26,6 +26,7 @@ def played(call: Call, **more: Any) -> Any:
 
 
 def _task(call: Call, who: Iterable[Any], tolerance: float | None) -> Mapping[str, float]:
+    """Return the task's settings that the tolerance changes in the command's world, see `at_tolerance`."""
     from vispeg.cli.tolerance import at_tolerance
     from vispeg.task.world_file import load_world
 
@@ -162,14 +163,14 @@ def gap(call: Call) -> None:
 
     quiet = call.output.quiet
 
-    def told(jobs: Sequence[Job], folder: Path) -> AbstractContextManager[Watch]:
+    def announced(jobs: Sequence[Job], folder: Path) -> AbstractContextManager[Watch]:
         total, controlled = sum(len(j.seeds) for j in jobs), sum(len(j.seeds) for j in jobs if j.control)
         if controlled and not quiet:
             text = f"{total} episodes, {controlled} of them of controls (--controls none leaves those out)"
             print(text, file=sys.stderr)
         return playing(jobs, folder, quiet)
 
-    call.give(call(playing=told), str(call.out / "gap.html"))
+    call.give(call(playing=announced), str(call.out / "gap.html"))
 
 
 @command("vispeg.api.explain:explain", "trials", out=OUT, tolerance=TOLERANCE)

@@ -26,9 +26,8 @@ from vispeg.core.provenance import command_line
 # Problems are small and run beside simulations, so BLAS threads would only wait for one another: a diagnosis in torque
 # space took 15 times the processor time. PyTorch's threads are not affected.
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"
-GARBAGE = (
-    10_000  # objects between garbage collections; with Python's 700 they take a quarter of the time of an HTML report
-)
+# objects between garbage collections; with Python's 700 they take a quarter of the time of an HTML report
+GARBAGE = 10_000
 EXIT_USAGE, EXIT_INTERRUPT, EXIT_PIPE, EXIT_TERMINATED = 2, 130, 141, 143
 
 
@@ -71,9 +70,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     large_apart()
     try:
         with warnings.catch_warnings(), _terminable() as stopped:
-            warnings.simplefilter(
-                "default", Note
-            )  # notes are output, so they are shown even if Python's warnings are off
+            # notes are output, so they are shown even if Python's warnings are off
+            warnings.simplefilter("default", Note)
             warnings.showwarning = _note
             code = _main([*(sys.argv[1:] if argv is None else argv)])
     finally:

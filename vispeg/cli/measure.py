@@ -27,13 +27,13 @@ def _measured(call: Call) -> None:
     from vispeg.cli.progress import playing
     from vispeg.report.text.summary import print_summary
 
-    stop = call.given_to(ENOUGH)
-    check_enough(**stop)
+    options = call.given_to(ENOUGH)
+    check_enough(**options)
     result = call(settings=MeasureSettings(**call.given_to(SETTINGS)))
     if not call.output.json:
         print_summary(result.summary)
-    if stop["policies"]:
-        judged = enough(result, **stop, playing=lambda jobs, folder: playing(jobs, folder, call.output.quiet))
+    if options["policies"]:
+        judged = enough(result, **options, playing=lambda jobs, folder: playing(jobs, folder, call.output.quiet))
         result = judged.result
         if not call.output.json:
             print_summary(judged.summary)

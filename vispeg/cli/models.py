@@ -251,5 +251,5 @@ def report(call: Call) -> None:
 
     path = call()
     values = load_record(call.out).values
-    said = words.verdict(values) or words.fall(values)
-    call.output.give({"report": str(path), "headline": said}, [said, str(path)])
+    headline = words.verdict(values) or words.fall(values)
+    call.output.give({"report": str(path), "headline": headline}, [headline, str(path)])

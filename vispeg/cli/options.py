@@ -70,7 +70,10 @@ def metavar(name: str, kind: Any, positional: bool, default: Any) -> str | None:
         word = f"{{{','.join(few)}}}"
     elif positional:
         word = name.upper().replace("_", "-")
-        word = f"{word[:-3]}Y" if many and word.endswith("IES") else word[:-1] if many and word[-1] == "S" else word
+        if many and word.endswith("IES"):  # in the singular, as each value is shown by one word
+            word = f"{word[:-3]}Y"
+        elif many:
+            word = word.removesuffix("S")
     elif basic is None:
         return None  # a switch
     else:

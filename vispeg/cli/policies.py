@@ -129,7 +129,8 @@ def train(
 
 
 def _goes_on(folder: Path, films: int):
-    more = () if films == 2 else ("--films", str(films))
+    """Return a context in which an interrupt prints the command that resumes the run in `folder`."""
+    more = () if films == 2 else ("--films", str(films))  # 2 is the default
     return goes_on(instead=("train", "--resume", str(folder), *more))
 
 

@@ -35,8 +35,8 @@ class Pace:
     def __init__(self, totals: Mapping[str, int]):
         self.totals = dict(totals)
         self.done = dict.fromkeys(totals, 0)
-        self.new = dict.fromkeys(totals, 0)
-        self.took = dict.fromkeys(totals, 0.0)
+        self.new = dict.fromkeys(totals, 0)  # counts of this run
+        self.took = dict.fromkeys(totals, 0.0)  # s
         self.last = time.monotonic()
 
     def advance(self, name: str, by: int, resumed: bool = False) -> None:
@@ -94,7 +94,7 @@ def bars(totals: Mapping[str, int], unit: str, quiet: bool = False) -> Iterator[
         def advance(name: str, by: int, note: str = "", resumed: bool = False) -> None:
             pace.advance(name, by, resumed)
             display.update(row, advance=by, note=note)
-            log.told(note, resumed)
+            log.update(note, resumed)
 
         yield advance
 
@@ -143,15 +143,16 @@ def playing(
     for job in jobs:
         totals[job.entrant.name] = totals.get(job.entrant.name, 0) + len(job.seeds)
     before = {e.key for e in read(folder / EPISODES)} if (folder / EPISODES).exists() else set()
-    wins = [0, 0]
+    successes = played = 0  # of this run
     with bars(totals, "episodes", quiet) as advance:
         for job in jobs:
             advance(job.entrant.name, sum(key in before for key in job.keys()), resumed=True)
 
         def watch(new: Sequence[Episode], *_: int) -> None:
-            wins[0], wins[1] = wins[0] + sum(e.success for e in new), wins[1] + len(new)
+            nonlocal successes, played
+            successes, played = successes + sum(e.success for e in new), played + len(new)
             if new:
-                rate = f"{100 * wins[0] / wins[1]:.0f} % of the new ones succeed"
+                rate = f"{100 * successes / played:.0f} % of the new ones succeed"
                 advance(new[0].policy, len(new), f"{rate}, now {new[0].policy} in {new[0].world}")
 
         yield watch
@@ -164,7 +165,7 @@ class _Log:
         self.pace, self.unit, self.quiet = pace, unit, quiet
         self.share, self.last = 0.0, time.monotonic()
 
-    def told(self, note: str, resumed: bool) -> None:
+    def update(self, note: str, resumed: bool) -> None:
         """Print the progress if it is far enough beyond the last line."""
         done, totals, now = self.pace.done, self.pace.totals, time.monotonic()
         count, total = sum(done.values()), sum(totals.values())

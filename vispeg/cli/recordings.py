@@ -149,6 +149,7 @@ def _convert_object(call: Call, episodes: str | None) -> None:
 
 
 def _span(episodes: str | None) -> tuple[int, int | None]:
+    """Return FIRST and LAST of a text FIRST:LAST; LAST is excluded, None for the end."""
     if episodes is None:
         return 0, None
     first, colon, last = episodes.partition(":")

@@ -95,12 +95,12 @@ def _answer(outcome: OutcomePart) -> OutcomePart:
     plain[3] |= termios.ICANON | termios.ECHO
     termios.tcsetattr(sys.stdin, termios.TCSADRAIN, plain)
     try:
-        said = input(f"\n{outcome.category}. Success? y, or what went wrong in a word; return to leave it: ").strip()
+        answer = input(f"\n{outcome.category}. Success? y, or what went wrong in a word; return to leave it: ").strip()
     finally:
         termios.tcsetattr(sys.stdin, termios.TCSADRAIN, terminal)
-    if not said:
+    if not answer:
         return outcome
-    success = said.lower() in ("y", "yes", "success")
+    success = answer.lower() in ("y", "yes", "success")
     return outcome.model_copy(
-        update={"success": success, "category": "success" if success else said.lower(), "by": "person"}
+        update={"success": success, "category": "success" if success else answer.lower(), "by": "person"}
     )

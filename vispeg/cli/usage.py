@@ -110,8 +110,8 @@ def one_line(framed: str) -> str:
             parts[-1].append(row)
         elif RULE in line or PLAIN_RULE in line:
             parts.append([])
-    said = [" ".join(" ".join(part).split()) for part in parts]
-    sentences = [text.rstrip(".") for text in said if text and not text.startswith(POINTERS)]
+    texts = [" ".join(" ".join(part).split()) for part in parts]
+    sentences = [text.rstrip(".") for text in texts if text and not text.startswith(POINTERS)]
     if sentences and sentences[0].startswith(MISSING):
         return _missing(framed, sentences[1:])
     if sentences and sentences[0].startswith(UNKNOWN):
@@ -128,12 +128,12 @@ def _missing(framed: str, others: Sequence[str]) -> str:
     lines = [line.strip(edges).rstrip() for line in framed.splitlines()[1:]]
     depth = [len(line) - len(line.lstrip()) for line in lines]
     start = next(i for i, line in enumerate(lines) if line.lstrip().startswith(MISSING))
-    names, first = list[str](), 0
+    names, indent = list[str](), 0  # the names have the indentation of the first line below the title
     for line, deep in list(zip(lines, depth, strict=True))[start + 1 :]:
         if not line.strip(RULE + PLAIN_RULE + " "):
             break
-        first = first or (deep if deep > depth[start] else 0)
-        if deep == first and deep:
+        indent = indent or (deep if deep > depth[start] else 0)
+        if deep == indent and deep:
             names.append(line.strip())
     several = f"{', '.join(names[:-1])} and {names[-1]} are" if len(names) > 1 else f"{names[0]} is"
     return "; ".join([f"{several} required", *(text for text in others if text.startswith(UNKNOWN))])

@@ -69,9 +69,9 @@ def view(
     if no_browser or call.output.json:
         app.serve()
         return
-    way = opener(out, app.url)
+    page = opener(out, app.url)
     try:
-        webbrowser.open(way.resolve().as_uri())
+        webbrowser.open(page.resolve().as_uri())
         app.serve()
     finally:
-        way.unlink(missing_ok=True)
+        page.unlink(missing_ok=True)
