@@ -90,7 +90,7 @@ def add(
     world = read_model(model)
     if overwrite and path.is_file():
         load_model(path)  # only a model file may be replaced
-    robot = _places(world)
+    robot = _robot_with_cameras(world)
     if Path(name).suffix.lower() in (".yaml", ".yml"):
         if where is not None or settings:
             raise UserError("a measurement has its own place and values", expected="no WHERE and no --set beside it")
@@ -108,9 +108,9 @@ def _stated(name: str, where: str | None, settings: Sequence[str], world: World,
     if where is None:
         raise UserError(f"{kind.name} needs a place", expected="WHERE after it", choices=kind.targets(robot))
     at, given_values = place(kind, where, robot), values(kind, settings)
-    here = [e for e in world.effects if e.effect == name and acts_on(e.where, [at])]
-    if here:  # of two at one place the later one counts
-        return replace(here[-1], where=at).with_values(**given_values)
+    present = [e for e in world.effects if e.effect == name and acts_on(e.where, [at])]
+    if present:  # of two at one place the later one counts
+        return replace(present[-1], where=at).with_values(**given_values)
     return EffectInstance.of(name, at, **completed(kind, given_values))
 
 
@@ -129,7 +129,7 @@ def _measured(file: str, world: World, robot: RobotModel) -> list[EffectInstance
     return list(measurement.effects)
 
 
-def _places(world: World) -> RobotModel:
+def _robot_with_cameras(world: World) -> RobotModel:
     """Return the arm or cell that effects are placed on; a cell with its cameras and those named in the model."""
     robot = robot_of_world(world)
     if not isinstance(robot, Scene):

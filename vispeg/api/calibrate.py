@@ -13,7 +13,7 @@ from vispeg.api.photographs import photographs
 from vispeg.api.result import Result
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import digest, here
-from vispeg.render import calibration as rooms
+from vispeg.render import calibration as boards
 from vispeg.render.calibration.board import parse_pattern
 from vispeg.render.calibration.detect import the_tag
 from vispeg.render.calibration.hand_eye import Mount
@@ -44,9 +44,9 @@ class CalibrationResult(Result):
 
     record: Mapping[str, Any]
     camera: Camera
-    board: rooms.Board
+    board: boards.Board
     images: Path
-    calibration: rooms.Calibration = field(repr=False)
+    calibration: boards.Calibration = field(repr=False)
     flange: np.ndarray | None = field(default=None, repr=False)
     sources: tuple[str | Path, ...] = ()
     holds = "calibration"
@@ -115,19 +115,19 @@ def calibrate(
         if pattern:
             expected = "--square, the side of its black frame, m"
             raise UserError("does not apply to a tag", key="--pattern", expected=expected)
-        printed = rooms.Board("tag", 1, 1, square, 0.0, dictionary or "DICT_APRILTAG_36h11", tag=tag)
+        printed = boards.Board("tag", 1, 1, square, 0.0, dictionary or "DICT_APRILTAG_36h11", tag=tag)
         printed = the_tag(taken.files, printed)
     else:
         if tag is not None:
             raise UserError("applies only to --board tag", key="--tag", got=tag)
         marks = (marker, dictionary or "DICT_4X4_50", legacy) if board == "charuco" else (0.0, "", False)
-        printed = rooms.Board(board, *parse_pattern(pattern), square, *marks)
+        printed = boards.Board(board, *parse_pattern(pattern), square, *marks)
     lens = None if intrinsics is None else read_intrinsics(Path(intrinsics))
     sources = [Path(p) for p in (images, poses, intrinsics) if p is not None and Path(p).exists()]
     stamp = here(None, {str(path): f"sha256:{digest(path)}" for path in sources})
-    views, missed = rooms.detect(taken.files, printed)
+    views, missed = boards.detect(taken.files, printed)
     flange = None if taken.flange is None else taken.flange([view.name for view in views])
-    calibration = rooms.calibrate(views, printed, distortion=distortion, camera=lens, flange=flange, mount=mount)
+    calibration = boards.calibrate(views, printed, distortion=distortion, camera=lens, flange=flange, mount=mount)
     results = {**record(calibration, printed, missed), "provenance": stamp}
     return CalibrationResult(
         results, calibration.to_camera(name), printed, taken.files[0].parent, calibration, flange, tuple(sources)

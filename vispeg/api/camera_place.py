@@ -30,7 +30,7 @@ from vispeg.robots.model import load
 from vispeg.sim.compiled import flange_pose
 
 FORMAT = "vispeg-camera-place/1"
-Ways = list[tuple[np.ndarray, str]]  # possible interpretations of a table: poses (n, 4, 4), and the assumption made
+Ways = list[tuple[np.ndarray, str]]  # possible interpretations of a table: poses (n, 4, 4), and what each assumes
 NEAR, FAR = 0.08, 3.0  # m, plausible distances of a flange from the arm's base
 ODD = 3.0  # standard deviations above which a row is reported
 
@@ -98,45 +98,50 @@ def place_camera(
     """
     path = Path(table)
     rows = read_table(path)
-    robots, tags = _both(rows, robot, orientation)
-    flange, tag, said = together(robots, tags, path)
+    robots, tags = _interpretations(rows, robot, orientation)
+    flange, tag, assumed = together(robots, tags, path)
     try:
         found = place(tag, flange, mount)
     except UserError as error:
         raise UserError(f"the camera's pose cannot be determined: {error}", file=path) from error
     files = [p for p in (path, None if intrinsics is None else Path(intrinsics)) if p is not None]
-    record = _record(found, mount, said, rows)
+    record = _record(found, mount, assumed, rows)
     record["provenance"] = here(None, {str(p): f"sha256:{digest(p)}" for p in files if p.exists()})
     return CameraPlace(
         record, None if intrinsics is None else _camera(Path(intrinsics), name, found, mount), tuple(files)
     )
 
 
-def _both(
-    table: Table, robot: str | None, form: str | None
-) -> tuple[list[tuple[np.ndarray, str]], list[tuple[np.ndarray, str]]]:
+def _interpretations(table: Table, robot: str | None, form: str | None) -> tuple[Ways, Ways]:
     """Return all possible interpretations of the flange's and the tag's poses, (n, 4, 4) each."""
     if robot is None:
         poses = two_poses(table)
         check_form(form, poses, table.file)
-        both = [poses_of(table, columns, form) for columns in poses]
-        flange, tag = ([(_matrix(p, t), f"{who} {said}" if said else "") for p, t, said in ways]
-                       for who, ways in zip(("the robot's", "the tag's"), both, strict=True))  # fmt: skip
+        both: list[Ways] = []
+        for whose, columns in zip(("the robot's", "the tag's"), poses, strict=True):
+            ways = poses_of(table, columns, form)
+            both.append([(_matrix(p, turn), f"{whose} {assumed}" if assumed else "") for p, turn, assumed in ways])
+        flange, tag = both
         usual = [way for way in flange if _reached(way[0]) and "in cm" not in way[1]]  # cm must be stated in the header
         return usual or flange, tag
     model = load(placed(robot))
-    ways: list[Readings] = readings(table, model.joints, form)
-    if ways[0].turn is None:
+    combined: list[Readings] = readings(table, model.joints, form)
+    if combined[0].turn is None:
         raise UserError(
             "a tag's pose without orientation", file=table.file, expected="qw qx qy qz, rx ry rz or roll pitch yaw"
         )
-    angles = {way.said[0] if len(way.said) and way.said[0].startswith("joint") else "": way.angles for way in ways}
+    # each of these assumes something of the joints and something of the tag: take both apart, and each once
+    angles, tags = {}, {}
+    for way in combined:
+        of_joints = [text for text in way.said if text.startswith("joint")]
+        of_tag = [text for text in way.said if not text.startswith("joint")]
+        angles[", ".join(of_joints)] = way.angles
+        tags[", ".join(of_tag)] = way
     flange = []
-    for said, q in angles.items():
+    for assumed, q in angles.items():
         pose = flange_pose(model, np.asarray(q))
-        flange.append((from_quaternion(pose[:, :3], pose[:, 3:]), said))
-    rest = {tuple(text for text in way.said if not text.startswith("joint")): way for way in ways}
-    return flange, [(_matrix(way.position, way.turn), ", ".join(said)) for said, way in rest.items()]
+        flange.append((from_quaternion(pose[:, :3], pose[:, 3:]), assumed))
+    return flange, [(_matrix(way.position, way.turn), assumed) for assumed, way in tags.items()]
 
 
 def _reached(flange: np.ndarray) -> bool:
@@ -151,9 +156,9 @@ def _matrix(position: np.ndarray, turn: np.ndarray | None) -> np.ndarray:
     return out
 
 
-def _record(found: Placed, mount: Mount, said: str, rows: Table) -> dict[str, Any]:
+def _record(found: Placed, mount: Mount, assumed: str, rows: Table) -> dict[str, Any]:
     eye, half = found.found, found.half
-    notes = [f"taken as {said}: the header leaves it open, and no other reading fits"] if said else []
+    notes = [f"taken as {assumed}: the header leaves it open, and no other reading fits"] if assumed else []
     for number, misfit in enumerate(eye.misfit):
         if misfit > ODD:
             notes.append(

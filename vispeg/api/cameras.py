@@ -53,7 +53,8 @@ def show_cameras(file: str | Path) -> CameraTable:
     Args:
         file: camera file.
     """
-    return CameraTable(*zip(*load_posed(Path(file)), strict=True))
+    cameras, posed = zip(*load_posed(Path(file)), strict=True)
+    return CameraTable(cameras, posed)
 
 
 def field_of(camera: Camera) -> tuple[float, float]:

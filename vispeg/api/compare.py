@@ -120,12 +120,12 @@ def compare(
     Raises:
         UserError: the model or a recording cannot be read, or they cannot be compared.
     """
-    whole = windows(model, seconds, recordings)
-    inputs = read_inputs(model, recordings, (), need_validate=False, **whole, reading=reading)
+    options = windows(model, seconds, recordings)
+    inputs = read_inputs(model, recordings, (), need_validate=False, **options, reading=reading)
     used = resolve(inputs.world, inputs.fitted, asked=channels)
     how = How(seconds, threads=threads, reading=reading)
     compared = {name: CHANNELS[name].compare(inputs.world, inputs.fitted, how) for name in used}
-    lead = compared.pop(min(compared, key=lambda name: CHANNELS[name].lead))
+    lead = compared.pop(min(compared, key=lambda name: CHANNELS[name].lead))  # heads the record
     record: ComparisonRecord = {**lead.record, "provenance": inputs.provenance(None)}
     arrays = dict(lead.arrays)
     for comparison in (lead, *compared.values()):
@@ -140,8 +140,8 @@ def compare(
     for name, other in others.items():
         arrays |= {f"channel/{name}/{key}": value for key, value in other.arrays.items()}
     with_arms(CHANNELS["joints"].part(inputs.world), arrays)
-    if "pictures" not in used and not channels and (said := _unseen(inputs)):
-        record["notes"] = [*record.get("notes", ()), said]
+    if "pictures" not in used and not channels and (text := _unseen(inputs)):
+        record["notes"] = [*record.get("notes", ()), text]
     return ComparisonResult(finite(record), arrays, inputs.files)
 
 

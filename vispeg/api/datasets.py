@@ -58,9 +58,9 @@ class RenderedDataset:
         """A line with numbers of frames and cameras, folder, and speed."""
         new = self.frames - self.resumed
         rate = f"{new / max(self.seconds, 1e-9):.1f} frames/s" if new else "nothing left to draw"
-        again = f", {self.resumed} of them from before" if self.resumed else ""
+        earlier = f", {self.resumed} of them from before" if self.resumed else ""
         text = (
-            f"{self.frames} frames of {len(self.cameras)} cameras in {self.path}{again}; {self.seconds:.0f} s, {rate}"
+            f"{self.frames} frames of {len(self.cameras)} cameras in {self.path}{earlier}; {self.seconds:.0f} s, {rate}"
         )
         return [Line(text, path=True)]
 
@@ -96,8 +96,8 @@ class CheckedDataset:
         """One line per fault, or the size of a faultless dataset."""
         if self.faults:
             return [Line(fault, path=True) for fault in self.faults]
-        many = f"{self.episodes} episode" + "s" * (self.episodes != 1)
-        text = f"{self.path}: {self.frames} frames in {many}, {self.megabytes:.1f} MB, nothing wrong"
+        episodes = f"{self.episodes} episode" + "s" * (self.episodes != 1)
+        text = f"{self.path}: {self.frames} frames in {episodes}, {self.megabytes:.1f} MB, nothing wrong"
         return [Line(text, path=True)]
 
     def _repr_html_(self) -> str:
@@ -181,7 +181,8 @@ def render_dataset(
     if engine == "ray":
         require("ray", "--engine ray")
     shape = {"looks": looks, "cameras": several(cameras), "size": size, "seed": seed, "noise": noise}
-    start, resumed = time.monotonic(), list[int]()
+    start = time.monotonic()
+    resumed = list[int]()  # frames of an earlier run, once `on_frames` is called first
 
     def on_frames(drawn: int) -> None:
         if not resumed:

@@ -69,8 +69,8 @@ class Demonstration(Result):
             f"{h['effect']}({h['where']}) {', '.join(f'{k} {v:g}' for k, v in h['params'].items())}"
             for h in self.hidden
         )
-        said = Line(f"what was hidden in the robot: {hidden}")
-        return [ladder_table(record), Line(words.fall(record)), verdict, *effects, said]
+        truth = Line(f"what was hidden in the robot: {hidden}")
+        return [ladder_table(record), Line(words.fall(record)), verdict, *effects, truth]
 
     def _write(self, folder: Path) -> None:
         for name, picture in self.pictures.items():

@@ -153,9 +153,9 @@ def diagnose(
     """
     channels = renamed([channels] if isinstance(channels, str) else channels, rooms)
     check_seed(seed)
-    thing, asked = object_world(model), bool(policies)
+    thing = object_world(model)
     if thing is not None:
-        if asked:
+        if policies:
             raise UserError("a policy needs a robot, not a free object", key="--policy", expected="a robot's model")
         if not isinstance(baseline, Sequence) or len(baseline):
             raise UserError("an object has no baseline", key="--baseline", expected="two diagnoses, one of each state")
@@ -169,33 +169,33 @@ def diagnose(
         raise UserError("a cell has no baseline", key="--baseline", expected="two diagnoses, one of each state")
     options = {**windows(model, seconds, recordings, validate), "hold_out": hold_out, "reading": reading}
     inputs = read_inputs(model, recordings, validate, **options)
-    price = Price.of(policies, cell, episodes, inputs.world) if asked else None
+    price = Price.of(policies, cell, episodes, inputs.world) if policies else None
     before = _before(model, baseline, seconds, reading)
     stamp = inputs.provenance(seed)
     progress = None if part is None else progress_of(inputs, seconds, seed, Path(part), before)
     say("going on" if progress is not None and progress.resumed else "simulating")
     both = inputs.fitted, inputs.held_out
     if before is None:
-        looking = resolve(inputs.world, *both, asked=channels)
+        used = resolve(inputs.world, *both, asked=channels)
         how = How(seconds, seed, threads, say, likely, Progress() if progress is None else progress)
-        result = conduct.diagnose(looking, inputs.world, both, how)
+        result = conduct.diagnose(used, inputs.world, both, how)
     else:
         if channels and tuple(channels) != ("joints",):
             raise UserError("a change can only be found in the joints", key="--channels", got=" ".join(channels))
-        was = (*before.fitted, *before.held_out)
+        earlier = (*before.fitted, *before.held_out)
         options = {"seed": seed, "nthread": threads, "say": say, "progress": progress, "likely": likely}
         joints = CHANNELS["joints"]
-        change = diagnose_change(joints.part(inputs.world), was, *both, **options)
+        change = diagnose_change(joints.part(inputs.world), earlier, *both, **options)
         result = conduct.with_rest(change, joints, inputs.world)
         stamp["inputs"] = dict(sorted({**stamp["inputs"], **before.provenance(seed)["inputs"]}.items()))
     with_arms(inputs.world, result.arrays)
     remainder = result.record.get("remainder", [])
-    paid = {}
+    cost = {}
     if price is not None:
         folder = None if part is None else Path(part) / "policy"
-        paid["cost"] = price.paid(result.world, remainder, seed=seed, part=folder, say=say)
+        cost["cost"] = price.paid(result.world, remainder, seed=seed, part=folder, say=say)
         stamp["inputs"] |= {e.name: e.digest for e in price.who}
-    record = finite({**result.record, **paid, "provenance": stamp})
+    record = finite({**result.record, **cost, "provenance": stamp})
     effects = result.world.effects[len(result.world.effects) - len(record["effects"]) :]
     files = inputs.files if before is None else (*inputs.files, *before.files)
     return DiagnosisResult(record, result.world, result.arrays, effects, files, progress)

@@ -38,8 +38,8 @@ def make(
     """
     from vispeg.task.environments.env import TaskEnv
 
-    seeing: Any = {"privileged": privileged, "depth_image": depth_image, "measured": measured}
-    return TaskEnv(world, obs_mode, render_mode, **seeing, **settings)
+    options: Any = {"privileged": privileged, "depth_image": depth_image, "measured": measured}
+    return TaskEnv(world, obs_mode, render_mode, **options, **settings)
 
 
 def make_vec(
@@ -64,6 +64,6 @@ def make_vec(
     """
     from vispeg.task.environments.vector import TaskVec
 
-    seeing: Any = {"privileged": privileged, "depth_image": depth_image, "measured": measured}
-    seeing["render_mode"] = render_mode
-    return TaskVec(num_envs, world, obs_mode, seed=seed, **seeing, **settings)
+    options: Any = {"privileged": privileged, "depth_image": depth_image, "measured": measured}
+    options["render_mode"] = render_mode
+    return TaskVec(num_envs, world, obs_mode, seed=seed, **options, **settings)

@@ -38,8 +38,8 @@ class EvaluationResult(Played):
         out: list[Block] = [Sheet([Column(head) for head in heads], [_row(r) for r in rows])]
         out += [Line(words.conclusion(r), path=True) for r in rows if r["needed"]]
         for c in self.record["comparisons"]:
-            said = f"{c['first']} - {c['second']}: {words.signed(c['difference'])} points, {c['verdict']}"
-            out.append(Line(said, path=True))
+            text = f"{c['first']} - {c['second']}: {words.signed(c['difference'])} points, {c['verdict']}"
+            out.append(Line(text, path=True))
         return out
 
 

@@ -203,52 +203,55 @@ def explain(
     with workplace(out, "explain.json", overwrite, sources) as place:
         if not (place / runner.EPISODES).exists():  # remove replays left by an earlier run
             rmtree(place / "replays", ignore_errors=True)
-        at = _digest(read)
+        digest = _digest(read)
         seeds = [why.seeds_of(i, len(read), replays, seed) for i in range(len(read))]
-        starts = {s: t.said.again() for t, some in zip(read, seeds, strict=True) for s in some}
-        actions = {s: t.steps.action for t, some in zip(read, seeds, strict=True) for s in some}
+        trial_of = {s: t for t, own in zip(read, seeds, strict=True) for s in own}  # seed of a replay -> its trial
+        starts = {s: t.said.again() for s, t in trial_of.items()}
+        actions = {s: t.steps.action for s, t in trial_of.items()}
         kinds = {CLOSED: (), OPEN: (), **causes}
         jobs: dict[str, list[Job]] = {}
         kept_in = place / "replays"
         for kind, effects in kinds.items():
-            setting = Setting(str(world), file.name, f"{kind}, {at}", tuple(map(_change, effects)), dict(task or {}))
+            changes = tuple(map(_change, effects))
+            setting = Setting(str(world), file.name, f"{kind}, {digest}", changes, dict(task or {}))
             again = Replays(starts, actions if kind == OPEN else {})
-            (job,) = make_jobs(who, [setting], [s for some in seeds for s in some], place / "worlds")
+            (job,) = make_jobs(who, [setting], [*trial_of], place / "worlds")
             job = replace(job, replays=again)
             jobs[kind] = [job]
             if kind == OPEN:  # keep DRAWS replays of each start as trials, to compare measurements
-                kept_in /= f"{at}-{job.world_hash[:12]}"  # a resumed run may have other trials or another world
-                first = tuple(s for some in seeds for s in some[:DRAWS])
-                rest = tuple(s for some in seeds for s in some[DRAWS:])
+                # a resumed run may have other trials or another world
+                kept_in /= f"{digest}-{job.world_hash[:12]}"
+                first = tuple(s for own in seeds for s in own[:DRAWS])
+                rest = tuple(s for own in seeds for s in own[DRAWS:])
                 jobs[kind] = [replace(job, seeds=first, trials=kept_in), replace(job, seeds=rest)]
-        flat = [job for some in jobs.values() for job in some if job.seeds]
+        flat = [job for group in jobs.values() for job in group if job.seeds]
         ends = play(flat, place, workers, playing, engine)
-        played = {kind: _of(ends, some[0].configuration, seeds) for kind, some in jobs.items()}
+        played = {kind: _of(ends, group[0].configuration, seeds) for kind, group in jobs.items()}
         kept = {int(p.name.rpartition("-")[2]): p for p in trials_in(kept_in)}
-        replayed = [[read_trial(kept[s]) for s in some[:DRAWS]] for some in seeds]
+        replayed = [[read_trial(kept[s]) for s in own[:DRAWS]] for own in seeds]
         parted, strip = _parted(jobs[CLOSED][0], policy, read, replayed, workers, engine, notes)
         repeats = config.robot.repeats_mm
         if parted and repeats is None:
             notes.append(ASSUMED)
-        side = {"notes": notes, "parted": parted, "repeats": repeats or senses.ASSUMED}
-        record = why.summarise(who[0].name, read, played, [some[0] for some in replayed], causes, **side)
-        left, more, home = None, [], ""
+        options = {"notes": notes, "parted": parted, "repeats": repeats or senses.ASSUMED}
+        record = why.summarise(who[0].name, read, played, [group[0] for group in replayed], causes, **options)
+        torque, more, home = None, [], ""  # the missing torque, episodes with it, and the training world
         if remainder:
             bridging = Bridging(who[0], str(world), file, named, dict(task or {}), place / "worlds", seed)
-            simulated = [r for some in replayed for r in some]
-            left = bridging.remainder(recordings, simulated, config.control_period, record["notes"])
-            if left is not None:
+            simulated = [r for group in replayed for r in group]
+            torque = bridging.remainder(recordings, simulated, config.control_period, record["notes"])
+            if torque is not None:
 
-                def played_too(some: list[Job]) -> list[Episode]:
-                    return play(some, place, workers, playing, engine)
+                def play_more(further: list[Job]) -> list[Episode]:
+                    return play(further, place, workers, playing, engine)
 
-                more = bridging.play(left, remainder, played_too, record["notes"])
+                more = bridging.play(torque, remainder, play_more, record["notes"])
                 home = more[2][0].world if more[2] else ""
-        tuning = _command("finetune", str(policy), world=_called(file), dataset="demonstrations", out="tuned")
+        tuning = _command("finetune", str(policy), world=_world_option(file), dataset="demonstrations", out="tuned")
         bridged(
             record,
             more,
-            left,
+            torque,
             home,
             diagnosis=diagnosis,
             config=config,
@@ -258,7 +261,7 @@ def explain(
             named=named,
             commands={"causes": "vispeg explain ... --apply" if causes else "", "demonstrations": tuning},
         )
-        ends = [*ends, *(e for some in more for e in some)]
+        ends = [*ends, *(e for group in more for e in group)]
         if apply and out is not None:
             where = place, Path(out)
             record["next"] = _applied(record, *where, str(policy), file, dict(task or {}), model, Path(trials))
@@ -306,8 +309,9 @@ def _change(effect: EffectInstance) -> Change:
 
 
 def _of(ends: Sequence[Episode], configuration: str, seeds: Sequence[Sequence[int]]) -> list[Episode]:
-    by = {e.seed: e for e in ends if e.configuration == configuration}
-    return [by[s] for some in seeds for s in some]
+    """Return the episodes of a configuration in the order of the seeds."""
+    by_seed = {e.seed: e for e in ends if e.configuration == configuration}
+    return [by_seed[s] for own in seeds for s in own]
 
 
 def _applied(
@@ -334,7 +338,7 @@ def _applied(
         model: the model file whose effects were tried.
         trials: folder of the trials.
     """
-    base: str | Path = _called(world)
+    base: str | Path = _world_option(world)
     values: dict[str, Any] = {"format": "vispeg-world/1", "about": f"what {trials.name} showed", "base": base}
     if task:
         values["task"] = task
@@ -358,7 +362,7 @@ def _write_world(place: Path, values: Mapping[str, Any]) -> None:
     load_world(place / CORRECTED)
 
 
-def _called(world: WorldFile) -> str:
+def _world_option(world: WorldFile) -> str:
     """Return a world's name, or its absolute path, for the command line."""
     return world.name if world.path.parent == BUILT_IN else str(world.path.resolve())
 

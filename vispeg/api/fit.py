@@ -166,26 +166,26 @@ def fit(
     checkpoint = None
     if part is not None:
         checkpoint = Checkpoint(Path(part) / "checkpoint.json", key, starts, resume, watch)
-    whole, looked_in = world, CHANNELS[channel]
-    evidence, judged = looked_in.evidence(whole, both, How(seconds, threads=threads))
-    world, free, unstated = _shown(whole, channel, free, unstated)
-    world = looked_in.begin(evidence, world, unstated)
+    whole, observing = world, CHANNELS[channel]
+    evidence, judged = observing.evidence(whole, both, How(seconds, threads=threads))
+    world, free, unstated = _observed_part(whole, channel, free, unstated)
+    world = observing.begin(evidence, world, unstated)
     make = partial(_fitted, whole, both, channel, How(seconds))
     options = {"method": method, "starts": starts, "iterations": iterations, "checkpoint": checkpoint}
     with cluster(threads) if engine == "ray" else nullcontext():
         evaluate = spread(make, threads) if engine == "ray" else None
         result = calibrate(evidence, world, free, seed=seed, evaluate=evaluate, **options)
-    result = replace(result, fit=looked_in.finish(evidence, result.fit))
-    given = looked_in.part(inputs.world)
+    result = replace(result, fit=observing.finish(evidence, result.fit))
+    given = observing.part(inputs.world)
     record, final = fit_record(given, result, free, evidence, judged)
     record = finite(record | {"channel": channel, "provenance": stamp})
-    drawn = looked_in.drawn(evidence if judged is None else judged, [given, final])
+    drawn = observing.drawn(evidence if judged is None else judged, [given, final])
     with_arms(given, drawn)
     named = tuple(final.effects[i] for i in free)
     return FitResult(record, whole.add(*named), named, inputs.files, drawn, checkpoint)
 
 
-def _shown(
+def _observed_part(
     world: World, channel: str, free: tuple[int, ...], unstated: tuple[int, ...]
 ) -> tuple[World, tuple[int, ...], tuple[int, ...]]:
     """Return the part of the world that a channel observes, and the indices of the fitted effects in that part.
@@ -199,7 +199,7 @@ def _shown(
         if (label := world.effects[i].label) not in at:
             expected = "effects of one channel at a time; --channels chooses it"
             raise UserError(f"does not show in the channel {channel}", key="--effects", got=label, expected=expected)
-    free, unstated = (tuple(at[world.effects[i].label] for i in some) for some in (free, unstated))
+    free, unstated = (tuple(at[world.effects[i].label] for i in group) for group in (free, unstated))
     return part, free, unstated
 
 
@@ -230,7 +230,7 @@ def _free(
         for placed in parse(named, robot, world.effects):
             at = (placed.effect, placed.where)
             wanted[at] = placed
-            if named.count(":") == 1 and at not in present:
+            if named.count(":") == 1 and at not in present:  # EFFECT:WHERE, without start values
                 unstated.add(at)
     world = world.add(*wanted.values())
     free = [i for i, e in enumerate(world.effects) if (e.effect, e.where) in wanted]

@@ -123,8 +123,8 @@ def fit_paper(
         checkpoint = Checkpoint(Path(part) / "checkpoint.json", key, 1, resume, watch)
     trace = checkpoint.traces[0] if checkpoint is not None else None
     rng = stream(seed, "fit", "paper")
-    near = protocol.fit_paper(world, pieces[fitted], rng=rng, generations=iterations, nthread=threads, trace=trace)
-    determined = determine(protocol.Coordinates(world, pieces[fitted]), pieces[fitted], near, threads)
+    best = protocol.fit_paper(world, pieces[fitted], rng=rng, generations=iterations, nthread=threads, trace=trace)
+    determined = determine(protocol.Coordinates(world, pieces[fitted]), pieces[fitted], best, threads)
     final = determined.world
     rows, lines = [], {}
     for name, piece in pieces.items():

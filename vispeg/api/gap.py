@@ -147,8 +147,8 @@ def gap(
     names = [str(w) for w in worlds] if chosen is None else chosen.names
     if trials.episodes and robot in {*names, *(e.world for e in stored_before)}:
         raise UserError("a world has the robot's name", key="--robot", expected="another name", got=robot)
-    said = other_tolerances(who, () if chosen is None else chosen.files)
-    for text in said:
+    tolerance_notes = other_tolerances(who, () if chosen is None else chosen.files)
+    for text in tolerance_notes:
         note(text)
     with workplace(out if who else None, "gap.json", overwrite, read) as place:
         jobs: list[Job] = []
@@ -161,14 +161,15 @@ def gap(
         ends = {e.key: e for e in [*stored_before, *played]}
         every = [*ends.values(), *trials.episodes]
         targets = [*names, *([robot] if trials.episodes else [])]
+        # policy's name -> digest; in `made_with` a name ends in /sSEED
         known = {name.rpartition("/")[0]: digest for file in files for name, digest in made_with(file).items()}
         known |= {e.name: e.digest for e in who}
         scripted = {name for name, digest in known.items() if digest == EXPERT} | ({EXPERT} - set(known))
         homes = {e.name: {h for r in who if r.name == e.name for h in r.trained_on} for e in who if e.trained_on}
-        values = gaps.gap(every, names[0], targets, seed, [*said, *trials.notes], scripted, homes)
+        values = gaps.gap(every, names[0], targets, seed, [*tolerance_notes, *trials.notes], scripted, homes)
         filmed = out is not None and videos > 0 and bool(jobs)
-        both = list(dict.fromkeys((names[0], names[-1])))
-        media = film_seeds(jobs, list(ends.values()), both, place / "media", videos) if filmed else []
+        filmed_in = list(dict.fromkeys((names[0], names[-1])))
+        media = film_seeds(jobs, list(ends.values()), filmed_in, place / "media", videos) if filmed else []
         inputs = [*files, *([Path(measured)] if measured else [])]
         sources = tuple(p for p in read if p is not None)
         result = GapResult(stamped(values, seed, inputs), tuple(every), tuple(media), sources)
@@ -205,8 +206,8 @@ def _worlds(
     for file in files[1:]:
         if not fine_tuned:
             # the other policies were trained in this world, which is allowed and marked
-            guests = [e for e in who if file.hash not in e.trained_on]
-            refuse_trained_on(guests, file.name, file.hash, file.path, training=files[0].path)
+            others = [e for e in who if file.hash not in e.trained_on]
+            refuse_trained_on(others, file.name, file.hash, file.path, training=files[0].path)
     return _Worlds(tuple(map(str, sources)), tuple(files), tuple(controlled), check_controls(controls, files[0]))
 
 

@@ -190,6 +190,7 @@ def _read(
     signals: Callable[[Header], Collection[str]] | None,
     reading: Reading,
 ) -> Recording:
+    """Return a recording of the model's robot, with checked units, cut to its most informative windows."""
     if isinstance(source, Recording):
         rec = source
     else:
@@ -220,7 +221,8 @@ def windows(model: Model, seconds: float, *groups: Source | Sequence[Source]) ->
     """Return `seconds` for an arm; use everything if there are pictures or a cell, for a cell with all signals."""
     if of_cell(model):
         return {"seconds": 0.0, "signals": None}
-    return {"seconds": 0.0 if any(map(_pictured, (s for some in groups for s in several(some)))) else seconds}
+    sources = [source for group in groups for source in several(group)]
+    return {"seconds": 0.0 if any(map(_pictured, sources)) else seconds}
 
 
 def _pictured(source: Source) -> bool:
@@ -244,15 +246,15 @@ def read_model(source: str) -> World:
         return world
     if not world.robot:  # the arm is that of the world that the cell names
         world = replace(world, robot=believed(world.cell, source).config.robot.model)
-    with _said_of(source, "robot"):
+    with _attributed_to(source, "robot"):
         robot: RobotModel = load_robot(world.robot)
-    with _said_of(source, "tool"):
+    with _attributed_to(source, "tool"):
         robot = load_robot(world.robot, tool=world.tool)
     robot = robot if world.cell is None else believed(world.cell, source, world.robot).scene
     for i, placed in enumerate(world.effects):
         if effect(placed.effect).family == "camera":
             continue  # cameras are those of the recordings
-        with _said_of(source, f"effects[{i}].where"):
+        with _attributed_to(source, f"effects[{i}].where"):
             place(effect(placed.effect), placed.where, robot)
     return world
 
@@ -272,7 +274,7 @@ def _refuse_object(world: World) -> None:
 
 
 @contextmanager
-def _said_of(file: str | Path, key: str) -> Iterator[None]:
+def _attributed_to(file: str | Path, key: str) -> Iterator[None]:
     """Attribute a UserError in the body of `with` to a key of this file, which names the faulty thing."""
     try:
         yield
@@ -335,11 +337,11 @@ def _with_tool(world: World, recordings: Sequence[Recording]) -> World:
         return world
     carried = [None if rec.tool is None else stated(rec.tool) for rec in recordings]
     if world.tool is None:
-        one = carried[0] is not None and all(map(partial(_same_tool, carried[0]), carried))
-        return replace(world, tool=recordings[0].tool) if one else world
-    own = declared(world.robot, world.tool)
-    mine = None if own is None else stated(own)
-    others = [rec.name for rec, tool in zip(recordings, carried, strict=True) if not _same_tool(mine, tool)]
+        equal = carried[0] is not None and all(map(partial(_same_tool, carried[0]), carried))
+        return replace(world, tool=recordings[0].tool) if equal else world
+    model_tool = declared(world.robot, world.tool)
+    numbers = None if model_tool is None else stated(model_tool)
+    others = [rec.name for rec, tool in zip(recordings, carried, strict=True) if not _same_tool(numbers, tool)]
     if others:
         note(f"{', '.join(others)}: the recording's `tool` is not the model's; it is compared with its own")
     return world

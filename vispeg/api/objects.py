@@ -52,7 +52,7 @@ def diagnose_tosses(
     say: Callable[[str], None],
     part: Path | None = None,
 ) -> Tosses:
-    """Return names what an object's contact lacks; arguments as for `vispeg.diagnose`.
+    """Name the effects that an object's contact lacks; arguments as for `vispeg.diagnose`.
 
     Raises:
         UserError: no recordings, one on both sides, of another object, or effects that have no place on it.

@@ -37,9 +37,9 @@ def load(folder: str | Path) -> Result:
     file = place / f"{kind}.json"
     record = recognised(read_json(file), "gap" if kind == "evaluate" else kind, file)
     if kind in ("evaluate", "gap"):
-        made = EvaluationResult if kind == "evaluate" else GapResult
+        played = EvaluationResult if kind == "evaluate" else GapResult
         media = read_json(place / "media.json") if (place / "media.json").is_file() else []
-        return made(record, tuple(read_episodes(place / EPISODES)), tuple(media))
+        return played(record, tuple(read_episodes(place / EPISODES)), tuple(media))
     evidence = place / "evidence.npz"
     arrays = read_arrays(evidence) if evidence.is_file() else {}  # results with only contact may have none
     if kind == "compare":

@@ -94,8 +94,8 @@ def plan(
     if known is None:
         raise UserError("not known of this arm", key="--repeatability", expected="mm, ISO 9283", got=config.robot.model)
     width = tolerance_mm(config)
-    more = {"soft": soft, "varies": varies, "demonstrations": demonstrations, "a_day": a_day, "build_days": build_days}
-    return Planned(file.name, outlook(width, known, **more))
+    signs = {"soft": soft, "varies": varies, "demonstrations": demonstrations, "a_day": a_day, "build_days": build_days}
+    return Planned(file.name, outlook(width, known, **signs))
 
 
 def _range(ends: Sequence[int]) -> str:

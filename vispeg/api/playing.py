@@ -115,16 +115,16 @@ def check_numbers(episodes: int, workers: int) -> None:
 
 def other_tolerances(who: Iterable[Entrant], worlds: Iterable[WorldFile]) -> list[str]:
     """Return a line on each policy that was made for another tolerance than a world's task has."""
-    said = []
+    lines = []
     for file in worlds:
         config = config_of(file.task)
         if (about := config.tolerance) is not None:
             here, unit = getattr(config, about.setting), about.unit
             others = [e for e in who if e.tolerance not in (None, here)]
-            said += [
+            lines += [
                 f"{e.name} was made for {e.tolerance:g} {unit}, in {file.name} it is {here:g} {unit}" for e in others
             ]
-    return list(dict.fromkeys(said))
+    return list(dict.fromkeys(lines))
 
 
 def check_controls(controls: str | Sequence[str] | None, world: WorldFile) -> tuple[str, ...]:

@@ -96,10 +96,10 @@ class Result(ABC):
     def __repr__(self) -> str:
         first = next(iter(self.summary), None)
         if isinstance(first, Sheet):
-            said = "; ".join(" ".join(filter(None, (str(cell).strip() for cell in row))) for row in first.rows)
+            text = "; ".join(" ".join(filter(None, (str(cell).strip() for cell in row))) for row in first.rows)
         else:
-            said = "" if first is None else first.text
-        return f"<{type(self).__name__}: {said if len(said) <= LONGEST else f'{said[:LONGEST]} ...'}>"
+            text = "" if first is None else first.text
+        return f"<{type(self).__name__}: {text if len(text) <= LONGEST else f'{text[:LONGEST]} ...'}>"
 
     def _repr_html_(self) -> str:
         return html(self.summary)

@@ -117,7 +117,7 @@ def run(
     if episodes is not None and episodes < 1:
         raise UserError("no episodes", key="--episodes", expected="1 or more", got=episodes)
     acts, interface, who = opened(policy, world, name)
-    called = robot if isinstance(robot, str) else type(robot).__name__
+    robot_name = robot if isinstance(robot, str) else type(robot).__name__
     target = driver(robot) if isinstance(robot, str) else robot
     if isinstance(target, LoggedRobot):
         how, clock, watch, most = target.how(how or How()), target, False, target.episodes
@@ -127,7 +127,7 @@ def run(
     count = episodes or most
     trials: dict[str, Said] = {}
     try:
-        with _place(Path(out).expanduser()) as place, Live(place, who.name, called, count) as live:
+        with _place(Path(out).expanduser()) as place, Live(place, who.name, robot_name, count) as live:
             first = _next(place)
 
             def shown(step: Step) -> None:
@@ -141,7 +141,7 @@ def run(
                 ready(k)
                 stem = f"trial-{first + k:0{DIGITS}d}"
                 live.begin(stem, k + 1)
-                options = {"name": called, "clock": clock, "show": shown, "key": stopped, "watch": watch}
+                options = {"name": robot_name, "clock": clock, "show": shown, "key": stopped, "watch": watch}
                 trial = run_episode(acts, interface, target, who, k + (first if seed is None else seed), how, **options)
                 if ask is not None:
                     said = trial.said.model_copy(update={"outcome": ask(trial.said.outcome)})
@@ -153,7 +153,7 @@ def run(
         close = getattr(target, "close", None)
         if callable(close):
             close()
-    return RunResult(Path(out).expanduser(), trials, who.name, called)
+    return RunResult(Path(out).expanduser(), trials, who.name, robot_name)
 
 
 def opened(policy: str | Path, world: str | Path | None, name: str | None) -> tuple[Acts, Interface, PolicyPart]:

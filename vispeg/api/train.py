@@ -218,7 +218,7 @@ def _modality(task: str, task_config: Any, world: str) -> str:
     from vispeg.task.registry import task_of
 
     label, _, name = task.partition("-")
-    own = task_of(task_config).label
-    if not name or label != own:
-        raise UserError(f"the world {world} has no such task", got=task, choices=[f"{own}-{m}" for m in names()])
+    expected = task_of(task_config).label
+    if not name or label != expected:
+        raise UserError(f"the world {world} has no such task", got=task, choices=[f"{expected}-{m}" for m in names()])
     return name

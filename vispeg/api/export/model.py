@@ -113,8 +113,8 @@ def export_model(
     check_ending(path, to)
     world = model if isinstance(model, World) else read_model(str(model))
     apart(path, (world.robot,) if isinstance(model, World) else (model, world.robot))
-    beside = f"{path.stem}-meshes"
-    made = _whole(world, beside) if to == "mjcf" else to_urdf(world, beside)
+    mesh_folder = f"{path.stem}-meshes"
+    made = _whole(world, mesh_folder) if to == "mjcf" else to_urdf(world, mesh_folder)
     meshes = {path.parent / name: content for name, content in made.meshes.items()}
     if path.exists() and not overwrite:
         raise UserError("exists already; name another or pass --overwrite", file=path)

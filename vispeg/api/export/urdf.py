@@ -19,14 +19,8 @@ from vispeg.robots.model import GRAVITY, RobotModel, load
 from vispeg.sim.export import compiled_with, is_native, listed
 from vispeg.worlds.world import World
 
-HOLDS = {
-    "dof_frictionloss",
-    "dof_damping",
-    "body_mass",
-    "body_ipos",
-    "body_iquat",
-    "body_inertia",
-}  # fields of the MuJoCo model that a URDF can express
+# fields of the MuJoCo model that a URDF can express
+HOLDS = {"dof_frictionloss", "dof_damping", "body_mass", "body_ipos", "body_iquat", "body_inertia"}
 KINDS = {int(mujoco.mjtJoint.mjJNT_HINGE): "revolute", int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic"}
 G = mujoco.mjtGeom
 SHAPES = ("mesh", "box", "sphere", "cylinder")  # that URDF has

@@ -128,8 +128,9 @@ def failed_starts(trials: Path) -> tuple[Start, ...]:
     Raises:
         UserError: there are none.
     """
-    said = [s for s in read_trials(trials) if s.full_speed]
-    starts = tuple(s.again() for s in said if not s.outcome.success)
+    full_speed = [trial for trial in read_trials(trials) if trial.full_speed]
+    starts = tuple(trial.again() for trial in full_speed if not trial.outcome.success)
     if not starts:
-        raise UserError("no trial failed", file=trials, key="--starts", got=f"{len(said)} at full speed that succeeded")
+        got = f"{len(full_speed)} at full speed that succeeded"
+        raise UserError("no trial failed", file=trials, key="--starts", got=got)
     return starts

@@ -48,8 +48,8 @@ def effects(
         UserError: no such effect or robot.
     """
     chosen = [effect(name)] if name else find(search, family)
-    arm, scene, arms = load(robot), build(), searchable()
-    return [(kind, arm if kind.name in arms else scene) for kind in chosen]
+    arm, scene, on_arms = load(robot), build(), searchable()
+    return [(kind, arm if kind.name in on_arms else scene) for kind in chosen]
 
 
 def robots() -> list[Entry]:
@@ -57,9 +57,9 @@ def robots() -> list[Entry]:
     entries = [Entry("iiwa14", "built in", "KUKA LBR iiwa 14 R820", {"model": "built in"})]
     for name, (entry, title) in menagerie.ARMS.items():
         entries.append(Entry(name, menagerie.state(name), title, {"model": entry}))
-    short = {entry.partition("/")[0] for entry in menagerie.SHORT.values()}
+    listed = {entry.partition("/")[0] for entry in menagerie.SHORT.values()}  # folders of arms with a short name
     own = [Entry(name, menagerie.HERE, "A folder of MENAGERIE_ROOT", {"model": name}) for name in menagerie.folders()]
-    return sorted([*entries, *(e for e in own if e.name not in short)], key=lambda e: e.name)
+    return sorted([*entries, *(e for e in own if e.name not in listed)], key=lambda e: e.name)
 
 
 def worlds() -> list[Entry]:
@@ -84,16 +84,16 @@ def policies() -> list[Entry]:
     for name in names():
         record = read_record(policy_folder(name))
         meta = record["meta"]
-        success, made = meta.get("success"), made_for(meta)
+        success, settings = meta.get("success"), made_for(meta)
         kind = "two policies in one" if record["format"] == PAIR.name else "one network"
         world = meta.get("world", "?")
-        now = load_world(world).hash if world in built_in else None
-        changed = now is not None and meta.get("world_hash", now) != now
+        world_hash = load_world(world).hash if world in built_in else None
+        changed = world_hash is not None and meta.get("world_hash", world_hash) != world_hash
         parts = [f"trained in {world}{' as it was before' * changed}", kind]
-        if (tolerance := kind_of(meta.get("task") or {}).tolerance) is not None and made:
-            parts.append(f"{made[tolerance.setting]:g} {tolerance.unit} {tolerance.name}")
+        if (tolerance := kind_of(meta.get("task") or {}).tolerance) is not None and settings:
+            parts.append(f"{settings[tolerance.setting]:g} {tolerance.unit} {tolerance.name}")
         parts += [f"{100 * success:.0f} % success there"] if success is not None else []
-        more = {"world": meta.get("world"), **made, "success": success, "steps": meta.get("steps")}
+        more = {"world": meta.get("world"), **settings, "success": success, "steps": meta.get("steps")}
         entries.append(Entry(name, str(record["modality"]), ", ".join(parts), more))
     return entries
 

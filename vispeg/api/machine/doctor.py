@@ -52,7 +52,7 @@ class Machine:
 
     @property
     def healthy(self) -> bool:
-        """Return whether nothing that the base needs is missing."""
+        """Whether nothing that the base needs is missing."""
         return all(f.ok for f in self.findings if f.needed)
 
     @property
@@ -110,14 +110,14 @@ def _packages() -> Iterator[Finding]:
 
 def _physics() -> Finding:
     command, fix = [sys.executable, "-c", _PHYSICS], "pip install --force-reinstall 'mujoco>=4.0,<4.1'"
-    ok, said = run(command, {**os.environ, "MUJOCO_GL": "disabled"})
+    ok, output = run(command, {**os.environ, "MUJOCO_GL": "disabled"})
     if not ok:
-        return Finding("physics", False, said, True, fix)
+        return Finding("physics", False, output, True, fix)
     chosen = os.environ.get("MUJOCO_GL")
-    ok, said = run(command) if chosen else (True, "")
+    ok, output = run(command) if chosen else (True, "")
     if not ok:
         return Finding(
-            "physics", False, f"MuJoCo does not start with MUJOCO_GL={chosen}: {said}", True, "unset MUJOCO_GL"
+            "physics", False, f"MuJoCo does not start with MUJOCO_GL={chosen}: {output}", True, "unset MUJOCO_GL"
         )
     return Finding("physics", True, "MuJoCo steps", True)
 
@@ -144,8 +144,8 @@ def _torch() -> Finding:
         metadata.version("torch")
     except metadata.PackageNotFoundError:
         return Finding("training (torch)", False, "not installed, so no policies are trained or played", fix=fix)
-    ok, said = run([sys.executable, "-c", _TORCH], timeout=120.0)
-    return Finding("training (torch)", ok, said, fix=fix)
+    ok, output = run([sys.executable, "-c", _TORCH], timeout=120.0)
+    return Finding("training (torch)", ok, output, fix=fix)
 
 
 def _pictures() -> Iterator[Finding]:
@@ -165,8 +165,8 @@ def _gpu() -> Finding:
     if (tool := shutil.which("nvidia-smi")) is None:
         return Finding("gpu", False, "no nvidia-smi", fix=fix)
     query = [tool, "--query-gpu=name,memory.total", "--format=csv,noheader"]
-    ok, said = run(query, timeout=30.0)
-    return Finding("gpu", ok, said if ok else f"nvidia-smi: {said}", fix=fix)
+    ok, output = run(query, timeout=30.0)
+    return Finding("gpu", ok, output if ok else f"nvidia-smi: {output}", fix=fix)
 
 
 def _vulkan() -> Finding:
@@ -176,13 +176,13 @@ def _vulkan() -> Finding:
     drivers = sorted(file.stem for folder in folders if folder.is_dir() for file in folder.glob("*.json"))
     if not drivers or not has_library("libvulkan.so.1"):
         return Finding(name, False, "no Vulkan driver, so no physically based pictures", fix=fix)
-    ok, said = run([sys.executable, "-c", _FILAMENT], {**os.environ, "MUJOCO_GL": "disabled"}, 90.0)
-    reason = said.removeprefix(".") if ok else said
+    ok, output = run([sys.executable, "-c", _FILAMENT], {**os.environ, "MUJOCO_GL": "disabled"}, 90.0)
+    reason = output.removeprefix(".") if ok else output
     return Finding(name, not reason, reason or f"Vulkan draws ({len(drivers)} drivers installed)", fix=fix)
 
 
 def _ffmpeg() -> Finding:
-    ok, said = run([sys.executable, "-c", _VIDEO], {**os.environ, "MUJOCO_GL": "disabled"})
-    if ok and said:
-        return Finding("ffmpeg", True, Path(said).name)
-    return Finding("ffmpeg", False, said or "no ffmpeg, so no videos", fix="sudo apt-get install -y ffmpeg")
+    ok, output = run([sys.executable, "-c", _VIDEO], {**os.environ, "MUJOCO_GL": "disabled"})
+    if ok and output:
+        return Finding("ffmpeg", True, Path(output).name)
+    return Finding("ffmpeg", False, output or "no ffmpeg, so no videos", fix="sudo apt-get install -y ffmpeg")

@@ -17,18 +17,8 @@ LIBRARIES: dict[str, tuple[tuple[str, ...], str]] = {
     "glfw": ((), ""),
     "glx": ((), ""),
 }
-WITHOUT = (
-    "disable",
-    "disabled",
-    "off",
-    "false",
-    "0",
-    "enable",
-    "enabled",
-    "on",
-    "true",
-    "1",
-)  # values of MUJOCO_GL that name no backend
+# values of MUJOCO_GL that name no backend
+WITHOUT = ("disable", "disabled", "off", "false", "0", "enable", "enabled", "on", "true", "1")
 APT_LINE = "sudo apt-get install -y libegl1 libopengl0 libgl1-mesa-dri"
 # Runs in a separate process, because a driver may crash, and because MuJoCo reads MUJOCO_GL at import.
 _PROBE = """

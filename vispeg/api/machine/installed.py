@@ -34,7 +34,7 @@ def wrong_packages() -> dict[str, list[str]]:
     from packaging.requirements import Requirement
 
     groups: dict[str, list[str]] = {"": []}
-    there: dict[str, list[str]] = {}
+    present: dict[str, list[str]] = {}
     for text in _requirements():
         requirement = Requirement(text)
         extra = re.search(r"extra == ['\"]([\w-]+)['\"]", str(requirement.marker or ""))
@@ -45,15 +45,16 @@ def wrong_packages() -> dict[str, list[str]]:
         if reason := _version_wrong(requirement):
             wrong.append(f"{requirement.name} {reason}")
         else:
-            there.setdefault(name, []).append(requirement.name)
+            present.setdefault(name, []).append(requirement.name)
     modules = _modules()
-    for name, packages in there.items():
-        package_of = {
-            module: package for package in packages for module in modules.get(_plain(package), [_plain(package)])
-        }
-        reasons = (
-            {m: "half installed" for m in package_of if not importable(m)} if name else _unimportable(list(package_of))
-        )
+    for name, packages in present.items():
+        package_of = {}
+        for package in packages:
+            package_of |= dict.fromkeys(modules.get(_plain(package), [_plain(package)]), package)
+        if name:
+            reasons = {module: "half installed" for module in package_of if not importable(module)}
+        else:
+            reasons = _unimportable(list(package_of))
         groups[name] += [f"{package_of[module]}: {reason}" for module, reason in reasons.items()]
     return groups
 
@@ -88,16 +89,16 @@ def _unimportable(modules: Sequence[str]) -> dict[str, str]:
     """Map each module that cannot be imported to the reason; imports run in another process, which may crash."""
     remaining, reasons = list(modules), {}
     while remaining:
-        ok, said = run([sys.executable, "-c", _IMPORT, *remaining], {**os.environ, "MUJOCO_GL": "disabled"}, 120.0)
+        ok, output = run([sys.executable, "-c", _IMPORT, *remaining], {**os.environ, "MUJOCO_GL": "disabled"}, 120.0)
         if ok:
             break
-        culprit, _, reason = said.partition(": ")
+        culprit, _, reason = output.partition(": ")
         if culprit not in remaining:  # the process crashed, so each module is tried separately
-            return reasons | (
-                {remaining[0]: said}
-                if len(remaining) == 1
-                else {k: v for m in remaining for k, v in _unimportable([m]).items()}
-            )
+            if len(remaining) == 1:
+                return reasons | {remaining[0]: output}
+            for module in remaining:
+                reasons |= _unimportable([module])
+            return reasons
         reasons[culprit] = reason
         remaining = remaining[remaining.index(culprit) + 1 :]
     return reasons

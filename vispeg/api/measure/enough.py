@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 from vispeg.api.measure.result import MeasurementResult
@@ -41,7 +42,7 @@ class Sufficiency:
         """One line per effect and policy."""
         if not self.rows:
             return [Line("no effect with an interval: nothing to play")]
-        return [Line(_said(row), path=True) for row in self.rows]
+        return [Line(_line(row), path=True) for row in self.rows]
 
     def _repr_html_(self) -> str:
         return html(self.summary)
@@ -99,25 +100,22 @@ def enough(
         jobs = make_jobs(who, settings, seeds_of(episodes), folder / "worlds")
         with playing(jobs, folder) as watch:
             played = runner.run(jobs, folder, workers, watch=watch)
-    sides = {
-        (e.label, p): [
-            outcomes(x for x in played if (x.policy, x.configuration) == (p, f"{e.label} {side}"))
-            for side in ("high", "low")
-        ]
-        for e in measured
-        for p in dict.fromkeys(x.policy for x in played)
-    }
-    decided = decide({key: difference(*both, same_networks=True) for key, both in sides.items()})
+    changes = {}
+    for e, policy in product(measured, dict.fromkeys(x.policy for x in played)):
+        own = [x for x in played if x.policy == policy]
+        high, low = (outcomes(x for x in own if x.configuration == f"{e.label} {side}") for side in ("high", "low"))
+        changes[e.label, policy] = difference(high, low, same_networks=True)
+    decided = decide(changes)
     for (label, policy), decision in decided.items():
         moved = decision.estimate
         change = {"moved": float(moved.value), "low": float(moved.low), "high": float(moved.high)}
-        said = verdict(moved.low, moved.high, moved.n)
-        rows.append({"effect": label, "policy": policy, "episodes": episodes, **change, "verdict": said})
+        judged = verdict(moved.low, moved.high, moved.n)
+        rows.append({"effect": label, "policy": policy, "episodes": episodes, **change, "verdict": judged})
     details = {**result.measurement.details, "enough": {"world": name, "rows": rows}}
     full = replace(result.measurement, details=details)
     write_text_atomic(result.file, measurement_text(full), overwrite=True)
     return Sufficiency(rows, replace(result, measurement=full))
 
 
-def _said(row: Mapping[str, Any]) -> str:
+def _line(row: Mapping[str, Any]) -> str:
     return f"{row['effect']}, {row['policy']}: {words(row['moved'], row['low'], row['high'], row['verdict'])}"

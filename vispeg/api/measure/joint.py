@@ -56,10 +56,10 @@ def measure_joint(
         effects, beyond = joints.effects(name, measured)
         details, notes = dict(measured.details), [*measured.notes, *beyond]
         if measured.servo is not None:
-            loop, beside = measured.loop, _beside(effects)
+            loop, friction = measured.loop, _friction_attributes(effects)
             if loop is None:
                 notes += [f"the actuator is for an inertia of 1 kg m2: {why}"]
-                loop, beside = alone(measured.servo, 1.0)[0], "none is known in N m"
+                loop, friction = alone(measured.servo, 1.0)[0], "none is known in N m"
             turned = inertia if inertia is not None else 1.0 if arm is None else arm.held
             details["actuator"] = {"inertia_kgm2": turned, **parameters(loop)}
             if arm is not None:
@@ -67,7 +67,7 @@ def measure_joint(
             about = [
                 f"From {len(traces)} motions by `vispeg measure joint`; gravity compensated.",
                 f"With the other joints held, the joint turns {turned:.4g} kg m2.",
-                f"The joint's own friction is not in these numbers; give it to the joint: {beside}.",
+                f"The joint's own friction is not in these numbers; give it to the joint: {friction}.",
             ]
             (folder / "actuator.xml").write_text(text(measured.servo, loop, name, about), encoding="utf-8")
         (folder / "joint.png").write_bytes(picture(name, measured))
@@ -99,8 +99,8 @@ def _traces(
     if all(path.is_dir() for path in paths):
         traces, robots, joint = list[Trace](), list[str](), joint or most_moved(paths)
         for path in paths:
-            some, robot = from_recording(path, joint)
-            traces += some
+            own, robot = from_recording(path, joint)
+            traces += own
             robots.append(robot)
         if len(set(robots)) > 1:
             raise UserError("recordings of several robots", got=", ".join(sorted(set(robots))))
@@ -120,10 +120,12 @@ def _arm(recording: Path, joint: str, robot: str | None) -> tuple[Arm | None, st
         return None, str(error)
 
 
-def _beside(effects: Sequence[EffectInstance]) -> str:
+def _friction_attributes(effects: Sequence[EffectInstance]) -> str:
     """Return the joint's friction in the effects as attributes of a MuJoCo joint."""
     words = {"coulomb_friction": ("torque", "frictionloss"), "viscous_friction": ("damping", "damping")}
-    said = [
-        f'{word}="{e.params[key].value:.6g}"' for e in effects if e.effect in words for key, word in (words[e.effect],)
-    ]
-    return " ".join(said) or "none was found"
+    attributes = []
+    for e in effects:
+        if e.effect in words:
+            key, word = words[e.effect]
+            attributes.append(f'{word}="{e.params[key].value:.6g}"')
+    return " ".join(attributes) or "none was found"

@@ -51,10 +51,10 @@ def measure_mass(
         UserError: an invalid table, an unknown part, or `out` exists.
     """
     settings = settings or MeasureSettings()
-    there = None if where == "flange" else _nominal("mass", where, nominal, world)
+    model_mass = None if where == "flange" else _nominal("mass", where, nominal, world)
 
     def effects(results: Sequence[Quantity]) -> list[EffectInstance]:
-        return [payload(results, None) if there is None else scaled(results[0], where, there)]
+        return [payload(results, None) if model_mass is None else scaled(results[0], where, model_mass)]
 
     return _measured(
         "mass",
@@ -93,19 +93,19 @@ def measure_com(
     settings = settings or MeasureSettings()
     paths = [Path(path) for path in several(readings)]
 
-    def measure(rng: np.random.Generator) -> Outcome:
-        if _is_table(paths):
-            return com.measure(_table(paths[0], settings), rng)
-        outcome = com.attitudes(_stated(at_rest(paths), settings), rng)
-        if not tool[0]:
-            return outcome
-        said = f"the effect is what the flange carries beside the declared tool of {tool[0]:g} kg"
-        return replace(outcome, notes=(*outcome.notes, said))
-
     if not set(axes) <= set("xyz") or len(axes) != 2 or len(set(axes)) < 2:
         raise UserError("not two axes", key="--axes", expected="two of x y z", got=" ".join(axes))
     weighed = None if mass_file is None else load_measurement(mass_file).result("mass")
-    tool = (0.0, np.zeros(3)) if _is_table(paths) else declared_tool(paths)
+    tool = (0.0, np.zeros(3)) if _is_table(paths) else declared_tool(paths)  # mass, kg, and centre, m
+
+    def measure(rng: np.random.Generator) -> Outcome:
+        if _is_table(paths):
+            return com.measure(_table(paths[0], settings), rng)
+        outcome = com.attitudes(_with_instruments(at_rest(paths), settings), rng)
+        if not tool[0]:
+            return outcome
+        note = f"the effect is what the flange carries beside the declared tool of {tool[0]:g} kg"
+        return replace(outcome, notes=(*outcome.notes, note))
 
     def effects(results: Sequence[Quantity]) -> list[EffectInstance]:
         if tool[0]:
@@ -141,15 +141,15 @@ def measure_friction(
     """
     settings = settings or MeasureSettings()
     paths, part = [Path(path) for path in several(readings)], where or held_part(world)
-    there = _nominal("friction", part, nominal, world)
+    model_friction = _nominal("friction", part, nominal, world)
 
     def measure(rng: np.random.Generator) -> Outcome:
         return friction.measure(
-            _table(paths[0], settings) if _is_table(paths) else _stated(slides(paths), settings), rng
+            _table(paths[0], settings) if _is_table(paths) else _with_instruments(slides(paths), settings), rng
         )
 
     def effects(results: Sequence[Quantity]) -> list[EffectInstance]:
-        return [scaled(results[0], part, there)]
+        return [scaled(results[0], part, model_friction)]
 
     return _measured("friction", part, out, paths, settings, measure, effects)
 
@@ -230,7 +230,7 @@ def measure_stiffness(
     _check_nominal(nominal)
 
     def measure(rng: np.random.Generator) -> Outcome:
-        read = _table(tables[0], settings) if tables else _stated(presses(stops, fixtures), settings)
+        read = _table(tables[0], settings) if tables else _with_instruments(presses(stops, fixtures), settings)
         return stiffness.measure(read, rng)
 
     def effects(results: Sequence[Quantity]) -> list[EffectInstance]:
@@ -285,11 +285,13 @@ def _check_nominal(nominal: float | None) -> None:
         raise UserError("not a nominal value", key="--nominal", expected="above 0", got=nominal)
 
 
-def _stated(readings: Readings, settings: MeasureSettings) -> Readings:
+def _with_instruments(readings: Readings, settings: MeasureSettings) -> Readings:
+    """Return readings of recordings with the stated resolution and accuracy of the instruments."""
     return of_instruments(readings, settings.resolution, settings.accuracy)
 
 
 def _table(readings: str | Path, settings: MeasureSettings) -> Readings:
+    """Read a table with the stated resolution and accuracy of the instruments."""
     return read(Path(readings), tuple(settings.resolution), tuple(settings.accuracy))
 
 

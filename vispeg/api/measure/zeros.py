@@ -174,8 +174,8 @@ def _notes(found: Zeros, way: Readings, joints: Sequence[str], rows: Table) -> l
 def _confounded(c: Confounded, joints: Sequence[str]) -> str:
     """Return a line on a zero that is not identifiable."""
     name = joints[c.joint]
-    beside = [*(["the base's frame"] if c.base else []), *(["the tool's frame"] if c.tool else [])]
-    beside += [f"the zero of {joints[j]}" for j in c.others]
-    if not beside:
+    others = [*(["the base's frame"] if c.base else []), *(["the tool's frame"] if c.tool else [])]
+    others += [f"the zero of {joints[j]}" for j in c.others]
+    if not others:
         return f"{name}: its zero moves no measured tip, so it is not determined"
-    return f"{name}: its zero cannot be distinguished from {' and '.join(beside)}: it is left at 0, and they absorb it"
+    return f"{name}: its zero cannot be distinguished from {' and '.join(others)}: it is left at 0, and they absorb it"

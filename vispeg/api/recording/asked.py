@@ -48,7 +48,7 @@ class Asked:
 
     @property
     def is_file(self) -> bool:
-        """Return whether the motion is read from a table file."""
+        """Whether the motion is read from a table file."""
         return bool(Path(self.motion).suffix)
 
     @property
@@ -63,12 +63,12 @@ class Asked:
 
     def hidden(self, world: World, robot: RobotModel | Scene) -> World:
         """Return the world with `effects` added, which the simulated robot has and the recording does not state."""
-        listed = ([e] if isinstance(e, EffectInstance) else parse(e, robot) for e in self.effects)
-        return world.add(*(placed for some in listed for placed in some))
+        groups = ([e] if isinstance(e, EffectInstance) else parse(e, robot) for e in self.effects)
+        return world.add(*(placed for group in groups for placed in group))
 
-    def refuse(self, why: str, expected: str | None = None, **usual: tuple[object, ...]) -> None:
-        """Raise UserError if an option has a value that this kind of motion does not support."""
-        for name, values in usual.items():
+    def refuse(self, why: str, expected: str | None = None, **supported: tuple[object, ...]) -> None:
+        """Raise UserError if an option has another value than those that this kind of motion supports."""
+        for name, values in supported.items():
             if (value := getattr(self, name)) not in values:
                 raise UserError(why, key=f"--{name.replace('_', '-')}", expected=expected, got=value)
 

@@ -111,8 +111,9 @@ def record_in_cell(
 def names(space: str | None = None, model: str | None = None) -> list[str]:
     """Return the names of motions for a model, all or those of one space (`joint`, `contact`, `cell`)."""
     world = None if model is None else read_model(model)
-    spaces = {"joint": [*JOINT], "contact": [*motions_of(world)[:-1]], "cell": [*LOOKS]}
-    return [name for key, some in spaces.items() if space in (None, key) for name in some]
+    contact = [name for name in motions_of(world) if name != EXPERT]  # this one is a policy, not a path
+    spaces = {"joint": [*JOINT], "contact": contact, "cell": [*LOOKS]}
+    return [name for key, group in spaces.items() if space in (None, key) for name in group]
 
 
 def commands(
@@ -136,18 +137,18 @@ def commands(
     world = read_model(model)
     if name in motions_of(world) and (world.cell is not None or name not in JOINT):
         made, belief = cell_motion(world, name, rate_hz=rate_hz, seed=seed), model_cell(world)
-        held = made.stiffness or belief.config.stiffness
-        made = replace(made, stiffness=held, force_limit=made.force_limit or belief.config.force_limit)
+        stiffness = made.stiffness or belief.config.stiffness
+        made = replace(made, stiffness=stiffness, force_limit=made.force_limit or belief.config.force_limit)
         return table.text(made, belief.scene.joints), float(made.time[-1]), made
     if name in LOOKS:
         scene = scene_of(world)
-        joints, joint = scene.joints, look_motion(name, scene, rate_hz, LOOK_S if duration is None else duration)
+        joints, moved = scene.joints, look_motion(name, scene, rate_hz, LOOK_S if duration is None else duration)
     else:
         robot = load(world.robot, tool=world.tool)
         joints = robot.joints
         seconds = JOINT_S if duration is None else duration
-        joint = excitation(name, robot, rate_hz, seconds, stream(seed, "record", name))
+        moved = excitation(name, robot, rate_hz, seconds, stream(seed, "record", name))
     head = ["time", *columns_of("q_cmd", joints), *columns_of("dq_cmd", joints)]
-    rows = np.column_stack([joint.time, joint.q_cmd, joint.dq_cmd])
+    rows = np.column_stack([moved.time, moved.q_cmd, moved.dq_cmd])
     lines = [",".join(head), *(",".join(f"{value:.9g}" for value in row) for row in rows)]
-    return "\n".join(lines) + "\n", float(joint.time[-1]), None
+    return "\n".join(lines) + "\n", float(moved.time[-1]), None

@@ -158,6 +158,7 @@ def limits_of(rec: Recording) -> Limits:
 
 
 def _examined(paths: Sequence[Path], drawn: bool, watch: Watch) -> Checks:
+    """Check the recordings; if `drawn`, also make their pictures and the data of their pages."""
     reports, heads, cameras, excited, stated = [], [], [], [], []
     pages, drawings = list[Examined](), dict[str, bytes]()
     for number, path in enumerate(paths, start=1):
@@ -221,6 +222,7 @@ def _excited(rec: Recording, scene: Scene | None, watch: Watch) -> list[Excitati
 
 
 def _of_pictures(cameras: Sequence[CameraCheck], excited: Sequence[Excitation]) -> Mapping[str, object]:
+    """Return the part of check.json on pictures; empty without frames."""
     if not cameras:
         return {}
     return {"cameras": [c.to_json() for c in cameras], "excited": [x.as_dict() for x in excited]}
@@ -234,6 +236,7 @@ def _head(rec: Recording) -> Recording:
 
 
 def _repeats(recs: Sequence[Recording]) -> list[Repeated]:
+    """Return the groups of two recordings or more that repeat one motion."""
     remaining, out = list(recs), list[Repeated]()
     while remaining:
         group = [remaining[0], *(rec for rec in remaining[1:] if same_motion(remaining[0], rec))]

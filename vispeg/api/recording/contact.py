@@ -45,11 +45,12 @@ def check_contact(rec: Recording) -> tuple[ContactCheck, Touch] | None:
     if isinstance(robot, Scene) and sensed(rec):
         refuse_foreign(touching(rec), contact)
     quat = contact.flange[:, 3:]
+    # the flange's z and x axes in the base, (n, 3) each
     axis, side = (rotated(quat, np.tile(e, (len(quat), 1))) for e in ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
     episode = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
     tilt = np.arccos(np.clip(axis @ axis[0], -1.0, 1.0))
     yaw = np.unwrap(np.arctan2(side[:, 1], side[:, 0]))
     goal = isinstance(robot, Scene) and bool(robot.goal)
-    again = tuple(b.speed for b in blows(rec, contact)) if goal and restarts(rec) else None
-    touched = Touched(rec.time, episode, contact.regime, contact.force, contact.velocity, tilt, yaw, goal, again)
+    speeds = tuple(b.speed for b in blows(rec, contact)) if goal and restarts(rec) else None
+    touched = Touched(rec.time, episode, contact.regime, contact.force, contact.velocity, tilt, yaw, goal, speeds)
     return examine(touched), contact

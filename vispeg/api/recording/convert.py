@@ -109,7 +109,7 @@ def convert(
         if constants is not None:
             rec = _of_currents(rec, constants, torque_sensor, source)
         if kinds:
-            rec = _stated(rec, kinds, source)
+            rec = _with_kinds(rec, kinds, source)
         if not insist:
             bag = is_bag(source)
             file = mapping if isinstance(mapping, Path) and not bag else source
@@ -176,7 +176,7 @@ def _kinds(stated: str | Sequence[str]) -> dict[str, Sensor]:
     return out
 
 
-def _stated(rec: Recording, kinds: Mapping[str, Sensor], source: Path) -> Recording:
+def _with_kinds(rec: Recording, kinds: Mapping[str, Sensor], source: Path) -> Recording:
     """Return the recording with the kinds of its depth cameras set. Raises UserError: a camera without depth."""
     frames = rec.frames
     deep = [] if frames is None else frames.deep
@@ -186,8 +186,8 @@ def _stated(rec: Recording, kinds: Mapping[str, Sensor], source: Path) -> Record
     for name in kinds:
         if name and name not in deep:
             raise UserError("no such camera with depth", file=source, key="--depth-camera", got=name, choices=deep)
-    every = kinds.get("")
-    return replace(rec, frames=frames.of_kinds(dict.fromkeys(deep, every) if every else kinds))
+    for_all = kinds.get("")
+    return replace(rec, frames=frames.of_kinds(dict.fromkeys(deep, for_all) if for_all else kinds))
 
 
 def _of_currents(
@@ -203,11 +203,11 @@ def _of_currents(
     """
     lacking = [joint for joint in rec.joints if joint not in constants]
     if rec.tau is None or lacking:
-        said = "no constant of this joint" if lacking else "the bag has no efforts"
-        raise UserError(said, file=source, key=KEY, got=", ".join(lacking) or None)
+        what = "no constant of this joint" if lacking else "the bag has no efforts"
+        raise UserError(what, file=source, key=KEY, got=", ".join(lacking) or None)
     factors = [constants[joint].value for joint in rec.joints]
-    asked = None if rec.tau_cmd is None else rec.tau_cmd * factors
-    return replace(rec, tau=rec.tau * factors, tau_cmd=asked, torque_sensor=sensor or "motor")
+    tau_cmd = None if rec.tau_cmd is None else rec.tau_cmd * factors
+    return replace(rec, tau=rec.tau * factors, tau_cmd=tau_cmd, torque_sensor=sensor or "motor")
 
 
 def _cameras(files: Sequence[Path], robot: RobotModel) -> Mapping[str, RecordedCamera]:

@@ -103,7 +103,7 @@ def propose(
     def needs(rec: Recording) -> Needs | None:
         return needs_of(load_for(rec.joints, robot), rec)
 
-    called = f"{robot} {model.name} {model.spec().modelname}"
+    robot_names = f"{robot} {model.name} {model.spec().modelname}"
     proposal = guess(
         source,
         model.joints,
@@ -113,9 +113,9 @@ def propose(
         names=columns,
         calibration=calibration,
         constants=stated(torque_constants, model.joints) if torque_constants else None,
-        known=of_arm(called, model.joints),
+        known=of_arm(robot_names, model.joints),
     )
-    sensor = torque_sensor_of(called)
+    sensor = torque_sensor_of(robot_names)
     if sensor is not None and "tau" in proposal.signals() and not torque_constants and not proposal.current:
         proposal.recording["torque_sensor"] = "joint"
         proposal.doubts[:] = [doubt for doubt in proposal.doubts if not doubt.startswith("torque_sensor")]

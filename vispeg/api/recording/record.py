@@ -155,6 +155,7 @@ def _of_joints(asked: Asked) -> bool:
 
 
 def _of_arm(asked: Asked, world: World) -> SimulatedRecording:
+    """Record an arm without a cell, on a motion of its joints or under operational space control."""
     asked.refuse(
         "not for an arm alone",
         "a motion that touches or looks, in a cell",
@@ -168,17 +169,17 @@ def _of_arm(asked: Asked, world: World) -> SimulatedRecording:
     robot = load(world.robot, tool=world.tool)
     world = asked.hidden(world, robot)
     mode = asked.control or ("osc" if asked.motion == "osc" else "position")
-    path = _path(asked, robot)
+    path = _joint_motion(asked, robot)
     kp, kd = (None if gains is None else np.asarray(gains, float) for gains in (asked.kp, asked.kd))
     control = controller(robot, mode, asked.rate_hz, centre_of(robot), kp, kd)
     path, share = (path, np.ones(len(robot.joints))) if asked.is_file else rehearsed(world, path, control)
     options = {"torque_sensor": asked.torque_sensor, "repeat": asked.repeat, "name": asked.name}
     rec = simulate(world, path, control, asked.levels, stream(asked.seed, "record", "noise"), **options)
-    less = {joint: round(float(part), 3) for joint, part in zip(robot.joints, share, strict=True) if part < 1}
-    return SimulatedRecording(rec, world.label, asked.repeat, scaled=less)
+    scaled = {joint: round(float(part), 3) for joint, part in zip(robot.joints, share, strict=True) if part < 1}
+    return SimulatedRecording(rec, world.label, asked.repeat, scaled=scaled)
 
 
-def _path(asked: Asked, robot: RobotModel) -> Motion:
+def _joint_motion(asked: Asked, robot: RobotModel) -> Motion:
     if asked.is_file:
         return replay(Path(asked.motion), robot, asked.rate_hz)
     osc = asked.motion == "osc"
@@ -188,9 +189,10 @@ def _path(asked: Asked, robot: RobotModel) -> Motion:
 
 
 def _of_contact(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
+    """Record a motion in a cell under the task's controller."""
     none = (None,)
-    usual = {"control": (None, "osc"), "kp": none, "kd": none, "duration": none, "tool": none}
-    asked.refuse("not for a motion that touches", OF_ARMS, **usual)
+    supported = {"control": (None, "osc"), "kp": none, "kd": none, "duration": none, "tool": none}
+    asked.refuse("not for a motion that touches", OF_ARMS, **supported)
     if asked.torque_sensor == "none":
         asked.refuse("a motion in contact needs a sensor of force", "torques or a wrench", wrench_sensor=("flange",))
     if asked.torque_sensor == "motor":
@@ -229,8 +231,9 @@ def _of_contact(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
 
 
 def _of_cameras(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
-    usual = {"control": (None, "position"), "kp": (None,), "kd": (None,), "tool": (None,), "repeat": (1,)}
-    asked.refuse("not for a motion that looks", force_limit=(None,), wrench_sensor=("flange",), **usual)
+    """Record a motion of the joints, and pictures."""
+    supported = {"control": (None, "position"), "kp": (None,), "kd": (None,), "tool": (None,), "repeat": (1,)}
+    asked.refuse("not for a motion that looks", force_limit=(None,), wrench_sensor=("flange",), **supported)
     if asked.is_file:
         asked.refuse("a table has its own duration", duration=(None,))
     scene = scene_of(world)
@@ -242,7 +245,7 @@ def _of_cameras(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
     with watch() as progress:
         rec = record_look(
             world.add(*looks),
-            asked.motion if by_name else _path(asked, scene.nominal),
+            asked.motion if by_name else _joint_motion(asked, scene.nominal),
             cameras,
             fps=asked.fps,
             duration=asked.duration if by_name else None,

@@ -81,7 +81,7 @@ class Price:
         with workplace(part, "price.json", inputs=[e.path for e in self.who]) as place:
             settings = remainder.settings(self.world, identified, missing_torque, place / "worlds")
             jobs = make_jobs(self.who, settings, seeds_of(self.episodes, seed), place / "worlds")
-            ends = play(jobs, place, 1, lambda jobs, folder: _told(jobs, say))
+            ends = play(jobs, place, 1, lambda jobs, folder: _reported(jobs, say))
             rows = remainder.summarise(ends)
         if part is not None:
             rmtree(part)
@@ -90,7 +90,8 @@ class Price:
 
 
 @contextmanager
-def _told(jobs: Sequence[Job], say: Callable[[str], None]) -> Iterator[runner.Watch]:
+def _reported(jobs: Sequence[Job], say: Callable[[str], None]) -> Iterator[runner.Watch]:
+    """Yield a progress display that passes lines of text to `say`."""
     names = ", ".join(dict.fromkeys(job.entrant.name for job in jobs))
     say(f"{names} plays with the identified model, and with what is left")
     yield lambda new, done, total: say(f"{names}: {done} of {total} episodes")

@@ -72,21 +72,21 @@ def sensitivity(
     if not sweeps:
         raise UserError("nothing to sweep", key="--sweep", expected="a sweep", choices=swept.SWEEPS)
     who, file = ready(policies), load_world(world)
-    asked = [what for text in sweeps for what in swept.sweeps(str(text), file.world.base.robot)]
-    swept.refuse_unseen(asked, who)
-    swept.refuse_elsewhere(asked, scene_of(file.task))
+    chosen = [sweep for text in sweeps for sweep in swept.sweeps(str(text), file.world.base.robot)]
+    swept.refuse_unseen(chosen, who)
+    swept.refuse_elsewhere(chosen, scene_of(file.task))
     for text in other_tolerances(who, [file]):
         note(text)
     read = [file.path, *folders(who)]
     with workplace(out, "sensitivity.json", overwrite, read) as place:
-        settings = [s for what in asked for s in swept.settings(str(world), file.name, what)]
+        settings = [s for sweep in chosen for s in swept.settings(str(world), file.name, sweep)]
         ends = play(
             make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds"), place, workers, playing, engine
         )
         about = {
             "format": swept.FORMAT,
             "world": {"name": file.name, "hash": file.hash},
-            "sweeps": swept.summarise(ends, asked),
+            "sweeps": swept.summarise(ends, chosen),
         }
         result = SensitivityResult(stamped(about, seed, folders(who)), tuple(ends), (), tuple(read))
         if out is not None:

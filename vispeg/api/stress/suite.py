@@ -20,7 +20,7 @@ from vispeg.report.gap import words
 from vispeg.report.gap.suite_page import render
 from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
-from vispeg.task.world_file import WorldFile, load_world
+from vispeg.task.world_file import load_world
 
 ROBOT = "robot"  # name of a measured target
 
@@ -32,7 +32,7 @@ class SuiteResult(Stressed):
 
     @property
     def alarm(self) -> bool:
-        """Return whether success fell significantly, or the two worlds rank the configurations differently."""
+        """Whether success fell significantly, or the two worlds rank the configurations differently."""
         return self.record["health"]["status"] == "alarm"
 
     @property
@@ -43,8 +43,8 @@ class SuiteResult(Stressed):
         rows = [
             [r["policy"], r["configuration"], words.rate(r["train"]), words.rate(r["target"])] for r in values["rows"]
         ]
-        said = [values["health"]["words"], *values["notes"]]
-        return [Sheet([Column(head) for head in heads], rows), *(Line(text, path=True) for text in said)]
+        lines = [values["health"]["words"], *values["notes"]]
+        return [Sheet([Column(head) for head in heads], rows), *(Line(text, path=True) for text in lines)]
 
     def _render(self) -> str:
         return render([self.record], [])
@@ -94,25 +94,22 @@ def suite(
     if len(names) < 2:
         raise UserError("training world and target are the same", got=names[0])
     if target is not None and not fine_tuned:
-        _refuse(who, files[str(target)], files[str(train)])
+        home, other = files[str(train)], files[str(target)]
+        refuse_trained_on(who, other.name, other.hash, other.path, training=home.path)
     trials = _measured(measured, who, chosen)
-    said = [*trials.notes, *other_tolerances(who, files.values())]
+    notes = [*trials.notes, *other_tolerances(who, files.values())]
     measured_files = [Path(p) for p in (measured, configurations) if p is not None]
     read = [*measured_files, *(f.path for f in files.values()), *folders(who)]
     with workplace(out, "suite.json", overwrite, read) as place:
         settings = suites.settings(chosen, {file.name: w for w, file in files.items()})
         jobs = make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds")
         ends = [*play(jobs, place, workers, playing, engine), *trials.episodes]
-        called = version or ("" if out is None else Path(out).expanduser().resolve().name)
-        about = {**suites.summarise(ends, names[0], names[1], called, hashes), "notes": said}
+        version_name = version or ("" if out is None else Path(out).expanduser().resolve().name)
+        about = {**suites.summarise(ends, names[0], names[1], version_name, hashes), "notes": notes}
         result = SuiteResult(stamped(about, seed, folders(who)), tuple(ends), (), tuple(read))
         if out is not None:
             result._write(place)
     return result
-
-
-def _refuse(who: Sequence[Entrant], target: WorldFile, train: WorldFile) -> None:
-    refuse_trained_on(who, target.name, target.hash, target.path, training=train.path)
 
 
 def _measured(csv: str | Path | None, who: Sequence[Entrant], chosen: Sequence[Configuration]) -> Trials:

@@ -39,7 +39,7 @@ class VersionsResult(Result):
 
     @property
     def alarm(self) -> bool:
-        """Return whether the last version's health is an alarm, or success fell significantly."""
+        """Whether the last version's health is an alarm, or success fell significantly."""
         fell = any(c["verdict"] == "fell" for c in self.record["changes"])
         return fell or self.record["versions"][-1]["health"]["status"] == "alarm"
 
@@ -48,7 +48,7 @@ class VersionsResult(Result):
         """One line per version, notes on their worlds, and one line per change."""
         versions, changes = self.record["versions"], self.record["changes"]
         lines = [*(f"{v['version']}: {v['health']['words']}" for v in versions), *self.record["notes"]]
-        lines += [_said(c) for c in changes if c["verdict"] in ("fell", "rose")]
+        lines += [_line(c) for c in changes if c["verdict"] in ("fell", "rose")]
         if len(versions) > 1 and not any(c["verdict"] == "fell" for c in changes):
             lines.append("no regression beyond doubt")
         return [Line(text, path=True) for text in lines]
@@ -87,6 +87,6 @@ def compare_versions(folders: str | Path | Sequence[str | Path]) -> VersionsResu
     return VersionsResult(record, tuple(places))
 
 
-def _said(change: VersionChange) -> str:
+def _line(change: VersionChange) -> str:
     where = f"{change['policy']} in {change['world']}, {change['configuration']}"
     return f"{change['verdict']}: {where}: {words.signed(change['change'])} points"
