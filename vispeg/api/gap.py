@@ -197,9 +197,9 @@ def _worlds(
     names = [f.name for f in files]
     if len(set(names)) < len(names):
         raise UserError("two worlds of one name", key="--worlds", got=", ".join(names))
-    called = dict(zip(map(str, sources), names, strict=True))
+    name_of = dict(zip(map(str, sources), names, strict=True))
     chosen = (names[0], names[-1]) if control_worlds is None else control_worlds
-    controlled = dict.fromkeys(called.get(w, w) for w in chosen)
+    controlled = dict.fromkeys(name_of.get(w, w) for w in chosen)
     for name in controlled:
         if name not in names:
             raise UserError("not one of --worlds", key="--control-worlds", got=name, choices=names)

@@ -177,10 +177,10 @@ def _hash(value: object) -> bytes:
         parts = [_hash(item) for item in value]
     else:
         parts = [repr(value).encode()]
-    made = hashlib.sha256(f"{type(value).__name__} {[*map(len, parts)]}".encode())
+    hashed = hashlib.sha256(f"{type(value).__name__} {[*map(len, parts)]}".encode())
     for part in parts:
-        made.update(part)
-    return made.digest()
+        hashed.update(part)
+    return hashed.digest()
 
 
 def _read(

@@ -119,11 +119,11 @@ def other_tolerances(who: Iterable[Entrant], worlds: Iterable[WorldFile]) -> lis
     for file in worlds:
         config = config_of(file.task)
         if (about := config.tolerance) is not None:
-            here, unit = getattr(config, about.setting), about.unit
-            others = [e for e in who if e.tolerance not in (None, here)]
-            lines += [
-                f"{e.name} was made for {e.tolerance:g} {unit}, in {file.name} it is {here:g} {unit}" for e in others
-            ]
+            of_world, unit = getattr(config, about.setting), about.unit
+            in_world = f"in {file.name} it is {of_world:g} {unit}"
+            for e in who:
+                if e.tolerance not in (None, of_world):
+                    lines.append(f"{e.name} was made for {e.tolerance:g} {unit}, {in_world}")
     return list(dict.fromkeys(lines))
 
 

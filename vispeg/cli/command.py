@@ -195,10 +195,10 @@ def under(group: str, *names: str) -> dict[str, Option]:
 def found(place: str) -> Command | dict[str, Command]:
     """Return the command at MODULE:FUNCTION; for MODULE, its sub-commands by name."""
     module, _, name = place.partition(":")
-    there = vars(importlib.import_module(module))
+    names = vars(importlib.import_module(module))
     if name:
-        return there[name].command
-    return {key: value.command for key, value in there.items() if hasattr(value, "command")}
+        return names[name].command
+    return {key: value.command for key, value in names.items() if hasattr(value, "command")}
 
 
 def leaves() -> dict[str, Command]:
@@ -206,8 +206,8 @@ def leaves() -> dict[str, Command]:
     out = {}
     for name, place in COMMANDS.items():
         if name != "doctor":
-            here = found(place)
-            out |= {f"{name} {sub}": each for sub, each in here.items()} if isinstance(here, dict) else {name: here}
+            one = found(place)
+            out |= {f"{name} {sub}": each for sub, each in one.items()} if isinstance(one, dict) else {name: one}
     return out
 
 

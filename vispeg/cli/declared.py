@@ -95,9 +95,9 @@ def _descriptions(text: str) -> dict[str, str]:
     for entry in parse(text).params:
         about = " ".join((entry.description or "").split())
         same = SAME.fullmatch(about)
-        there = parameters(_place(same[1])) if same else {}
+        referred = parameters(_place(same[1])) if same else {}
         for name in entry.arg_name.split(", "):
-            found[name] = there[name].help if same else about
+            found[name] = referred[name].help if same else about
     return found
 
 

@@ -65,23 +65,23 @@ def metavar(name: str, kind: Any, positional: bool, default: Any) -> str | None:
         default: default value; MISSING if required.
     """
     basic = plain(kind)
-    many = next((p for p in (kind, *get_args(kind)) if get_origin(p) is tuple), None)
+    tuple_type = next((p for p in (kind, *get_args(kind)) if get_origin(p) is tuple), None)
     if few := choices(kind):
         word = f"{{{','.join(few)}}}"
     elif positional:
         word = name.upper().replace("_", "-")
-        if many and word.endswith("IES"):  # in the singular, as each value is shown by one word
+        if tuple_type and word.endswith("IES"):  # in the singular, as each value is shown by one word
             word = f"{word[:-3]}Y"
-        elif many:
+        elif tuple_type:
             word = word.removesuffix("S")
     elif basic is None:
         return None  # a switch
     else:
         word = TEXTS.get(name, WORDS[basic]) if basic is str else WORDS[basic]
-    if many is None:
+    if tuple_type is None:
         return f"[{word}]" if positional and default is not MISSING else word
-    if ... not in get_args(many):
-        return " ".join(word for _ in get_args(many))
+    if ... not in get_args(tuple_type):
+        return " ".join(word for _ in get_args(tuple_type))
     return f"[{word} ...]" if default is not MISSING and positional else f"{word} [{word} ...]"
 
 

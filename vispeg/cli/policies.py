@@ -141,13 +141,13 @@ def _tell(call: Call, trained: Any, films: int) -> None:
 
     if not call.output.json:
         call.output.give({}, trained.summary)
-    made, place = list[dict[str, object]](), trained.run / "films"
+    filmed, place = list[dict[str, object]](), trained.run / "films"
     if films and not place.exists():
         seeds = [HELD_OUT + k for k in range(films)]
         for film in played(trained.best, trained.world, trained.settings, seeds, place, False):
-            made.append(asdict(film))
+            filmed.append(asdict(film))
             call.output.line(film.line)
-    call.output.give({**trained.record, "films": made}, [])
+    call.output.give({**trained.record, "films": filmed}, [])
 
 
 @command("vispeg.api.films:play", "policy", tolerance=TOLERANCE)

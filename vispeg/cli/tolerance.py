@@ -29,11 +29,11 @@ def at_tolerance(who: Iterable[Entrant], world: WorldFile, value: float | None) 
     task = with_tolerance(world.task, value)
     config = config_of({**world.task, **task})
     if config.tolerance is not None:
-        here, unit = getattr(config, config.tolerance.setting), config.tolerance.unit
+        of_world, unit = getattr(config, config.tolerance.setting), config.tolerance.unit
         for e in who:
-            if e.tolerance not in (None, here):
+            if e.tolerance not in (None, of_world):
                 print(
-                    f"{e.name} was made for {e.tolerance:g} {unit}, here it is {here:g} {unit} ({FLAG})",
+                    f"{e.name} was made for {e.tolerance:g} {unit}, here it is {of_world:g} {unit} ({FLAG})",
                     file=sys.stderr,
                 )
     return task

@@ -133,10 +133,10 @@ class Body:
         if not self.robot.is_calibrated:
             self.robot.disconnect()
             raise Refused(f"is not calibrated; lerobot-calibrate --robot.type={kind} does it")
-        shown = self.robot.observation_features
-        self.state = [key for key, what in shown.items() if what is float]
-        self.cameras = [key for key, what in shown.items() if isinstance(what, tuple) and len(what) == 3]
-        self.action = [key for key, what in self.robot.action_features.items() if what is float]
+        features = self.robot.observation_features  # name -> float for a number, shape for a picture
+        self.state = [key for key, kind in features.items() if kind is float]
+        self.cameras = [key for key, kind in features.items() if isinstance(kind, tuple) and len(kind) == 3]
+        self.action = [key for key, kind in self.robot.action_features.items() if kind is float]
 
     def names(self) -> dict[str, Any]:
         """Return the first message: names of the robot's numbers and cameras."""

@@ -288,11 +288,11 @@ class Ros2Robot:
         if name == self._joints and self._orders:
             expected = f"{', '.join(self._names)}; the key `joints` of ros2:FILE.yaml says how they are called"
             return UserError("does not name the arm's joints", key=name, expected=expected, got=[*self._orders][0])
-        there = self._link.node.get_publishers_info_by_topic(name)
-        if not there:
+        publishers = self._link.node.get_publishers_info_by_topic(name)
+        if not publishers:
             expected = f"{kind}, looked for with {RANGE}={os.environ[RANGE]}"
             return UserError("nobody publishes it", key=name, expected=expected)
-        return UserError(f"is silent for {WAIT:g} s", key=name, expected=kind, got=there[0].topic_type)
+        return UserError(f"is silent for {WAIT:g} s", key=name, expected=kind, got=publishers[0].topic_type)
 
     def _agrees(self, q: np.ndarray) -> None:
         """Raise UserError if the controller reports another frame than the one that would be commanded."""
@@ -301,8 +301,9 @@ class Ros2Robot:
         p = self._link.newest(self._pose).pose
         o = p.orientation
         held = np.array([p.position.x, p.position.y, p.position.z, o.w, o.x, o.y, o.z])
-        asked = composed(self._flange(q), self.topics.end_effector.pose)
-        off = np.linalg.norm(held[:3] - asked[:3]), np.linalg.norm(rotation_vector(held[None, 3:], asked[None, 3:]))
+        commanded = composed(self._flange(q), self.topics.end_effector.pose)
+        turn_off = rotation_vector(held[None, 3:], commanded[None, 3:])
+        off = np.linalg.norm(held[:3] - commanded[:3]), np.linalg.norm(turn_off)
         if off[0] <= APART[0] and off[1] <= APART[1]:
             return
         pos, turn = self._flange(q)[:3], rotation(self._flange(q)[3:])

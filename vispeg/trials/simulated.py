@@ -175,9 +175,9 @@ def serve(robot: SimulatedRobot, link: socket.socket, latency: float) -> None:
 
 def main() -> int:
     """Read the robot's settings, a line of JSON; print the port or an error, likewise; serve one client."""
-    asked = json.loads(sys.stdin.readline())
+    request = json.loads(sys.stdin.readline())
     try:
-        robot = SimulatedRobot(asked["world"], asked["obs_mode"], asked["settings"])
+        robot = SimulatedRobot(request["world"], request["obs_mode"], request["settings"])
     except UserError as error:
         print(json.dumps({"error": str(error)}), flush=True)
         return 2
@@ -188,8 +188,8 @@ def main() -> int:
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         try:
             message, _ = receive(link)
-            if message.get("token") == asked["token"]:
-                serve(robot, link, float(asked["latency"]))
+            if message.get("token") == request["token"]:
+                serve(robot, link, float(request["latency"]))
         except (OSError, EOFError):
             pass
     return 0

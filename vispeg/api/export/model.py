@@ -114,11 +114,11 @@ def export_model(
     world = model if isinstance(model, World) else read_model(str(model))
     apart(path, (world.robot,) if isinstance(model, World) else (model, world.robot))
     mesh_folder = f"{path.stem}-meshes"
-    made = _whole(world, mesh_folder) if to == "mjcf" else to_urdf(world, mesh_folder)
-    meshes = {path.parent / name: content for name, content in made.meshes.items()}
+    exported = _whole(world, mesh_folder) if to == "mjcf" else to_urdf(world, mesh_folder)
+    meshes = {path.parent / name: content for name, content in exported.meshes.items()}
     if path.exists() and not overwrite:
         raise UserError("exists already; name another or pass --overwrite", file=path)
-    write_files_atomic({**meshes, path: made.xml.encode()}, overwrite=overwrite)
-    native, left_out = ([e.label for e in effects] for effects in (made.native, made.left_out))
-    more = {} if isinstance(made, Exported) else {"rotors": made.rotors, "lacking": made.lacking}
-    return ExportedModel(path, to, world.robot, [*made.meshes], native, left_out, **more)
+    write_files_atomic({**meshes, path: exported.xml.encode()}, overwrite=overwrite)
+    native, left_out = ([e.label for e in effects] for effects in (exported.native, exported.left_out))
+    more = {} if isinstance(exported, Exported) else {"rotors": exported.rotors, "lacking": exported.lacking}
+    return ExportedModel(path, to, world.robot, [*exported.meshes], native, left_out, **more)

@@ -256,16 +256,16 @@ def _measured(
     """Measure and write the result; if it cannot be an effect of a model, add a note with the reason."""
     check_out(Path(out).expanduser(), settings.overwrite)
     outcome = measure(stream(settings.seed, "measure", protocol))
-    notes, made = list(outcome.notes), list[EffectInstance]()
+    notes, of_model = list(outcome.notes), list[EffectInstance]()
     try:
-        made = effects(outcome.results)
+        of_model = effects(outcome.results)
     except UserError as error:
         notes.append(f"it has no effect in a model: {error}")
     measurement = Measurement(
         protocol,
         of,
         outcome.results,
-        tuple(made),
+        tuple(of_model),
         conditions=dict(settings.conditions or {}),
         notes=tuple(notes),
         details=outcome.details,

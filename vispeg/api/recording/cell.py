@@ -61,8 +61,8 @@ def cell_motion(
     paths = task_of(belief.config).motions
     if name not in paths:
         raise UserError("not a motion of a cell", key="--motion", got=name, choices=(*paths, EXPERT))
-    made = motion(name, belief.scene, belief.config, rate_hz, stream(seed, "record", name), paths)
-    return made if force_limit is None else replace(made, force_limit=force_limit)
+    commanded = motion(name, belief.scene, belief.config, rate_hz, stream(seed, "record", name), paths)
+    return commanded if force_limit is None else replace(commanded, force_limit=force_limit)
 
 
 def record_in_cell(
@@ -97,12 +97,12 @@ def record_in_cell(
     options = {"rate_hz": rate_hz, "torque_sensor": torque_sensor, "repeat": repeat, "name": label}
     if name == EXPERT:
         return record_expert(world, seed, noise, rng, **options)
-    made = cell_motion(world, name, rate_hz=rate_hz, seed=seed, force_limit=force_limit)
+    commanded = cell_motion(world, name, rate_hz=rate_hz, seed=seed, force_limit=force_limit)
     if not cameras:
-        return record_cell(world, made, noise, rng, **options)
-    refuse_rate(fps, rate_hz, float(made.time[-1]), cameras)
+        return record_cell(world, commanded, noise, rng, **options)
+    refuse_rate(fps, rate_hz, float(commanded.time[-1]), cameras)
     truth: list[np.ndarray] = []
-    rec = record_cell(world, made, noise, rng, **options, watch=truth.append)
+    rec = record_cell(world, commanded, noise, rng, **options, watch=truth.append)
     drawing = {"seed": seed, "backend": backend, "progress": progress}
     scene = scene_of(world, cameras)
     return replace(rec, frames=pictures_of(world, scene, cameras, rec, truth[0], fps, rng, **drawing))
@@ -136,10 +136,11 @@ def commands(
     """
     world = read_model(model)
     if name in motions_of(world) and (world.cell is not None or name not in JOINT):
-        made, belief = cell_motion(world, name, rate_hz=rate_hz, seed=seed), model_cell(world)
-        stiffness = made.stiffness or belief.config.stiffness
-        made = replace(made, stiffness=stiffness, force_limit=made.force_limit or belief.config.force_limit)
-        return table.text(made, belief.scene.joints), float(made.time[-1]), made
+        commanded, belief = cell_motion(world, name, rate_hz=rate_hz, seed=seed), model_cell(world)
+        stiffness = commanded.stiffness or belief.config.stiffness
+        force_limit = commanded.force_limit or belief.config.force_limit
+        commanded = replace(commanded, stiffness=stiffness, force_limit=force_limit)
+        return table.text(commanded, belief.scene.joints), float(commanded.time[-1]), commanded
     if name in LOOKS:
         scene = scene_of(world)
         joints, moved = scene.joints, look_motion(name, scene, rate_hz, LOOK_S if duration is None else duration)

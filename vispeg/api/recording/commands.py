@@ -88,11 +88,11 @@ def write_motion(
     path = Path(out).expanduser()
     if overwrite and path.exists():
         _refuse_other(path)
-    moving = model or (OPEN_CELL if name in (*names("contact"), *names("cell")) else "iiwa14")
-    text, seconds, made = commands(moving, name, rate_hz=rate_hz, seed=seed, duration=duration)
+    model = model or (OPEN_CELL if name in (*names("contact"), *names("cell")) else "iiwa14")
+    text, seconds, in_cell = commands(model, name, rate_hz=rate_hz, seed=seed, duration=duration)
     write_text_atomic(path, text, overwrite=overwrite)
-    controller = (None, None) if made is None else (made.stiffness, made.force_limit)
-    return MotionFile(name, moving, seconds, rate_hz, path, *controller)
+    controller = (None, None) if in_cell is None else (in_cell.stiffness, in_cell.force_limit)
+    return MotionFile(name, model, seconds, rate_hz, path, *controller)
 
 
 def _refuse_other(path: Path) -> None:

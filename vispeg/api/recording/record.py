@@ -129,13 +129,13 @@ def record(
     looks = asked.motion.startswith("look") and not asked.is_file and asked.motion not in of_cells
     on_bench = world.cell is None and asked.motion != "osc"
     if looks or (asked.cameras and (asked.is_file or on_bench) and _of_joints(asked)):
-        made = _of_cameras(asked, world, watch)
+        result = _of_cameras(asked, world, watch)
     elif world.cell is not None and (asked.motion in of_cells or not _of_joints(asked)):
-        made = _of_contact(asked, world, watch)
+        result = _of_contact(asked, world, watch)
     else:
-        made = _of_arm(asked, world)
+        result = _of_arm(asked, world)
     files = (*([] if isinstance(model, World) else [model]), world.robot, *([motion] if asked.is_file else []))
-    return replace(made, table=table, sources=(*files, *cameras))
+    return replace(result, table=table, sources=(*files, *cameras))
 
 
 def _pixels(size: str | tuple[int, int]) -> tuple[int, int]:

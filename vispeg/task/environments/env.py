@@ -26,8 +26,8 @@ class TaskEnv(gym.Env):
     ):
         from vispeg.task.environments.vector import TaskVec
 
-        self._made = {"world": world, "obs_mode": obs_mode, "render_mode": render_mode, **settings}
-        self.vec = TaskVec(1, **self._made)
+        self._arguments = {"world": world, "obs_mode": obs_mode, "render_mode": render_mode, **settings}
+        self.vec = TaskVec(1, **self._arguments)
         self.render_mode, self.metadata = render_mode, {**self.metadata, "render_fps": self.vec.metadata["render_fps"]}
         self.cameras = self.vec.cameras
         self.observation_space, self.action_space = self.vec.single_observation_space, self.vec.single_action_space
@@ -75,7 +75,7 @@ class TaskEnv(gym.Env):
         self.vec.close()
 
     def __getstate__(self):
-        return self._made
+        return self._arguments  # a copy is a new environment, not in the same state
 
-    def __setstate__(self, made):
-        self.__init__(**made)
+    def __setstate__(self, arguments):
+        self.__init__(**arguments)

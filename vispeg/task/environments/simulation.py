@@ -231,9 +231,9 @@ class TaskSimulation:
             q[group], error = reach(nominal, pos[group], np.tile(DOWN, (len(group), 1)), q[group])
             low, high = self.scene.range.T
             error = np.where(((q[group] < low) | (q[group] > high)).any(axis=1), np.inf, error)
-            asked = np.isin(group, rows)
-            if error[asked].max() > 1e-4:
-                place = pos[group[asked][int(error[asked].argmax())]]
+            starting = np.isin(group, rows)
+            if error[starting].max() > 1e-4:
+                place = pos[group[starting][int(error[starting].argmax())]]
                 raise UserError("the start is out of the arm's reach", got=place.round(3))
             weight[group] = nominal.gravity(q[group])
         return q[rows], weight[rows]

@@ -159,10 +159,10 @@ class TaskVec(VectorEnv):
         measured: bool = False,
         **settings: Any,
     ):
-        made = {"num_envs": num_envs, "world": world, "obs_mode": obs_mode, "seed": seed, "nthread": nthread}
-        made |= {"autoreset_mode": autoreset_mode, "backend": backend, "render_mode": render_mode, "dump": dump}
-        made |= {"privileged": privileged, "depth_image": depth_image, "measured": measured, "engine": engine}
-        self._made = {**made, **settings}
+        arguments = {"num_envs": num_envs, "world": world, "obs_mode": obs_mode, "seed": seed, "nthread": nthread}
+        arguments |= {"autoreset_mode": autoreset_mode, "backend": backend, "render_mode": render_mode, "dump": dump}
+        arguments |= {"privileged": privileged, "depth_image": depth_image, "measured": measured, "engine": engine}
+        self._arguments = {**arguments, **settings}
         if obs_mode not in MODES:
             raise UserError("unknown observation mode", key="obs_mode", got=obs_mode, choices=MODES)
         if render_mode not in (None, "rgb_array"):
@@ -172,7 +172,7 @@ class TaskVec(VectorEnv):
             raise UserError("unknown way of resetting", key="autoreset_mode", got=autoreset_mode, choices=resets)
         if num_envs < 1:
             raise UserError("must be at least 1", key="num_envs", got=num_envs)
-        self.world, self.config, self.file = world_of(world, settings, made)
+        self.world, self.config, self.file = world_of(world, settings, arguments)
         self.num_envs, self.obs_mode, self.render_mode, self.dump = num_envs, obs_mode, render_mode, dump
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 1 / self.config.policy_period}
@@ -289,10 +289,10 @@ class TaskVec(VectorEnv):
         seen |= {f"{key}@{k}": v for k, rig in enumerate(self.further, 1) for key, v in rig.see().items()}
         if self.depth_image:
             seen = {key: grey_depth(v) if kind_of_image(key) is DEPTH else v for key, v in seen.items()}
-        told = self.sim.observation()
+        values = self.sim.observation()
         if self.measured:
-            told[MEASURED] = self.sim.seen.readings().astype(np.float32)
-        return {**{k: v for k, v in told.items() if self.privileged or k != PRIVILEGED}, **seen}
+            values[MEASURED] = self.sim.seen.readings().astype(np.float32)
+        return {**{k: v for k, v in values.items() if self.privileged or k != PRIVILEGED}, **seen}
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
@@ -382,10 +382,10 @@ class TaskVec(VectorEnv):
             rig.close()
 
     def __getstate__(self):
-        return self._made  # the arguments: a copy is a new environment, not in the same state
+        return self._arguments  # a copy is a new environment, not in the same state
 
-    def __setstate__(self, made):
-        self.__init__(**made)
+    def __setstate__(self, arguments):
+        self.__init__(**arguments)
 
 
 def _seeds(stated: int | Sequence[int | None] | np.ndarray | None, rows: int) -> list[int | None]:

@@ -48,8 +48,8 @@ class PegTrack(Track):
         over = self.lateral <= 0.5 * config.diameter
         close = self.lateral <= config.within
         gentle = forces.max() <= (config.success_force or config.force_abort)
-        there = close and gentle and depth >= config.success_depth * config.depth
-        self.dwell = self.dwell + 1 if there else 0
+        met = close and gentle and depth >= config.success_depth * config.depth
+        self.dwell = self.dwell + 1 if met else 0
         self.deepest = max(self.deepest, depth if over else -1.0)
 
     def verdict(self, config: PegConfig) -> str | None:

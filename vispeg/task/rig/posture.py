@@ -65,9 +65,9 @@ def elbow_turned(scene: Scene) -> np.ndarray:
             q = reach(nominal, pos, quat, (q + STEP * along)[None])[0][0]
             if np.minimum(q - scene.range[:, 0], scene.range[:, 1] - q).min() < ROOM:
                 break
-            here = nominal.operational(q[None])[1][0]
-            along = np.copysign(1.0, _null(here) @ along) * _null(here)
-            far = float(np.linalg.norm(here @ here.T - before))
+            jac_here = nominal.operational(q[None])[1][0]
+            along = np.copysign(1.0, _null(jac_here) @ along) * _null(jac_here)  # the same way along the null space
+            far = float(np.linalg.norm(jac_here @ jac_here.T - before))
             if far > most:
                 best, most = q, far
     if np.linalg.norm(best - q0) < TURN:
