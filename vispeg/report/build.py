@@ -115,7 +115,7 @@ def _sections(record: Record, names: Sequence[str], channel: str = "") -> list[S
 def _channel(record: Record, channel: Mapping[str, Any]) -> list[Section]:
     """Return the sections of one entry of `by_channel`: its verdict first, then those of its kind of evidence."""
     name = str(channel.get("channel"))
-    own = Record(record.kind, channel.get("record") or {}, record.evidence.by_channel.get(name, Evidence()))
-    values = channel_section.context(own, name)
+    inner = Record(record.kind, channel.get("record") or {}, record.evidence.by_channel.get(name, Evidence()))
+    values = channel_section.context(inner, name)
     first = Section(f"channel-{name}", name.capitalize(), "sections/channel", values)
-    return [first, *_sections(own, [n for n in _names(own) if n not in SHARED], name)]
+    return [first, *_sections(inner, [n for n in _names(inner) if n not in SHARED], name)]

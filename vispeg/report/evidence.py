@@ -87,15 +87,15 @@ class Evidence:
     views: Mapping[str, np.ndarray] = field(default_factory=dict)  # for a diagnosis of pictures, see `sections.views`
     phase_names: tuple[str, ...] = ()  # for contact: names of the regimes in a trace
     worst: bytes | None = None  # PNG of the cell at the moment of the largest error
-    worst_moment: str = ""
+    worst_moment: str = ""  # recording, time and phase of that error
     arm: Mapping[str, np.ndarray] = field(default_factory=dict)  # see `vispeg.report.live.arm`
     by_channel: Mapping[str, Evidence] = field(default_factory=dict)  # evidence of each of several channels
 
     @property
     def every(self) -> tuple[Trace, ...]:
-        """All traces of all channels."""
-        mine = [t for pair in zip_longest(self.traces, self.torques) for t in pair if t is not None]
-        return (*mine, *(t for other in self.by_channel.values() for t in other.every))
+        """All traces of all channels, each joint trace followed by its torque trace."""
+        interleaved = [t for pair in zip_longest(self.traces, self.torques) for t in pair if t is not None]
+        return (*interleaved, *(t for other in self.by_channel.values() for t in other.every))
 
 
 def _example(folder: Path) -> Path:
@@ -149,7 +149,7 @@ class _Reader:
 
     @cached_property
     def names(self) -> dict[int, str]:
-        """Name of each stretch by its number; episodes, and recordings of one name, are told apart by a number."""
+        """Name of each trace by its number in the file; repeated names get a suffix: `rig`, `rig, number 2`."""
         out, taken = {}, Counter[str]()
         for r in sorted({int(key.split("/")[0]) for key in self.arrays if key.split("/")[0].isdigit()}):
             name = self.text(f"{r}/name", f"held-out {r + 1}")
@@ -173,11 +173,23 @@ class _Reader:
                     "is not a picture", file=self.path, key=key, expected="(H, W, 3) uint8", got=image.shape
                 )
         views = {k: v for k, v in self.arrays.items() if k.startswith(("view/", "projection/"))}
-        joint = self.joints, unit, tuple(traces), tuple(torques), maps, self.next(), self.choices()
-        names = tuple(str(n) for n in self.arrays.get("phases", ()))
+        phase_names = tuple(str(n) for n in self.arrays.get("phases", ()))
         png = self.arrays["worst/png"].astype(np.uint8).tobytes() if "worst/png" in self.arrays else None
-        more = names, png, self.text("worst/moment", ""), picked(self.arrays)
-        return Evidence(*joint, pictures, views, *more)
+        return Evidence(
+            joints=self.joints,
+            unit=unit,
+            traces=tuple(traces),
+            torques=tuple(torques),
+            maps=maps,
+            next_motion=self.next(),
+            choices=self.choices(),
+            pictures=pictures,
+            views=views,
+            phase_names=phase_names,
+            worst=png,
+            worst_moment=self.text("worst/moment", ""),
+            arm=picked(self.arrays),
+        )
 
     def choices(self) -> Choices | None:
         if "choice/on" not in self.arrays:
@@ -203,6 +215,7 @@ class _Reader:
         return str(self.arrays[key]) if key in self.arrays else default
 
     def need(self, key: str, shape: tuple[int, ...] | None = None) -> np.ndarray:
+        """Return an array as float. Raises UserError: it is missing, or its shape is not `shape`."""
         if key not in self.arrays:
             raise UserError("is missing", file=self.path, key=key)
         value = self.arrays[key]

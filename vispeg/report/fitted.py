@@ -61,15 +61,15 @@ def fit_record(
     bare = replace(fit.world, effects=tuple(e for i, e in enumerate(fit.world.effects) if i not in free))
     before, after = map(judge.chi2, judge.residuals([bare, fit.world]))
     unit, floor = f"{evidence.unit} RMS", (judged or evidence).floor
-    least = reading_floor(judge, fit.world) + noise_motion(judge, fit.world)
-    effects = list(widened(fit.world, free, of_form(evidence, fit, before, after, least)).effects)
+    floor_chi2 = reading_floor(judge, fit.world) + noise_motion(judge, fit.world)
+    effects = list(widened(fit.world, free, of_form(evidence, fit, before, after, floor_chi2)).effects)
     given = {e.label: e for e in nominal.effects}
     for i in free:
         origin: dict[str, object] = {"fitted_on": [r.name for r in evidence.recordings]}
         if judged is not None:
             origin |= {"validated_on": [r.name for r in judged.recordings]}
             origin |= {"heldout_error_before": held[0], "heldout_error_after": held[1]}
-        was = given.get(effects[i].label, effects[i])  # a fit judges neither names nor what is left
+        was = given.get(effects[i].label, effects[i])  # a fit does not decide `partial` and `tentative`
         effects[i] = replace(effects[i], origin=origin, partial=was.partial, tentative=was.tentative)
     final = replace(fit.world, effects=tuple(effects))
     names = labels(fit)

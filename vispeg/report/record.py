@@ -93,17 +93,17 @@ def load_record(out: Path) -> Record:
     for kind in ("diagnosis", "compare", "fit"):
         path = out / f"{kind}.json"
         if path.is_file():
-            drawn = [(out / name).read_bytes() if (out / name).is_file() else None for name in (SHEET, ROBOT)]
+            pngs = [(out / name).read_bytes() if (out / name).is_file() else None for name in (SHEET, ROBOT)]
             read = renamed(recognised(read_json(path, finite=False), kind, path))
             values = read if kind != "fit" else _judged(read)
-            return Record(kind, values, load_evidence(out / "evidence.npz"), *drawn)
+            return Record(kind, values, load_evidence(out / "evidence.npz"), *pngs)
     raise UserError("nothing to report on", file=out, expected="a folder with diagnosis.json, compare.json or fit.json")
 
 
 def _judged(values: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return a fit's record; if nothing was held out, with the errors on the fitted recordings under `heldout_error`.
 
-    `judged` then says so.
+    `judged` is then "fitted".
     """
     ladder = rows(values, "ladder")
     if any(number(row.get("heldout_error")) is not None for row in ladder):
@@ -116,7 +116,8 @@ def recognised(values: Any, name: str, path: Path) -> dict[str, Any]:
     """Return the content of a result's file if its format is a version of `vispeg-NAME`, or not stated.
 
     Raises:
-        UserError: it is no mapping, has another format, or is a fit by the paper's protocol, which has no such record.
+        UserError: it is no mapping, has another format, or is a fit by the paper's protocol (`vispeg.identify.paper`),
+            whose fit.json has no effects.
     """
     if not isinstance(values, dict):
         raise UserError("is not a record", file=path, expected="a mapping", got=type(values).__name__)

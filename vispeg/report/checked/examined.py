@@ -122,8 +122,10 @@ def _signals(rec: Recording, report: CheckReport, limits: Limits | None) -> Trac
         if values is None:
             continue
         arrays[name] = values
-        tops = np.full(len(rec.joints), np.inf) if limits is None else limits.torque
-        clipped = np.stack([saturated(values[:, j], period, float(tops[j])) for j in range(values.shape[1])], axis=1)
+        torque_limits = np.full(len(rec.joints), np.inf) if limits is None else limits.torque
+        clipped = np.stack(
+            [saturated(values[:, j], period, float(torque_limits[j])) for j in range(values.shape[1])], axis=1
+        )
         if clipped.any():
             arrays[f"{name}_clipped"] = np.where(clipped, values, np.nan)
     longest = sorted(report.timing.gaps, key=lambda gap: -gap.seconds)[:MOST_GAPS]
@@ -154,16 +156,17 @@ def _frames(rec: Recording) -> tuple[Frame, ...]:
         return ()
     made = []
     for name in rec.frames.names:
-        mine = rec.frames.of(name)
-        rows = np.unique(np.linspace(0, len(mine) - 1, min(FRAMES, len(mine))).astype(int))
-        depths = [depth for i in rows if (depth := mine[int(i)].depth) is not None]
+        frames = rec.frames.of(name)
+        rows = np.unique(np.linspace(0, len(frames) - 1, min(FRAMES, len(frames))).astype(int))
+        depths = [depth for i in rows if (depth := frames[int(i)].depth) is not None]
         readings = np.concatenate([d[d > 0] for d in depths]) if depths else np.zeros(0)
-        limits = tuple(np.percentile(readings, [2, 85]).tolist()) if len(readings) else (0.0, 1.0)
-        made += [_frame(mine[int(i)], limits[0], max(limits[1], limits[0] + 1e-3)) for i in rows]
+        near, far = np.percentile(readings, [2, 85]).tolist() if len(readings) else (0.0, 1.0)
+        made += [_frame(frames[int(i)], near, max(far, near + 1e-3)) for i in rows]
     return tuple(made)
 
 
 def _frame(frame: RecordedFrame, near: float, far: float) -> Frame:
+    """Encode a frame; its depth is coloured from `near` to `far`, m."""
     rgb, depth = frame.rgb, frame.depth
     colour = "" if rgb is None else still(_small(rgb))
     return Frame(

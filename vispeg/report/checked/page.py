@@ -133,11 +133,11 @@ def _excites(checked: Sequence[Examined]) -> Mapping[str, object]:
     return {
         "heads": [PARAMETER_WORDS[name] for name in PARAMETERS],
         "weak": f"{100 * FLAT:g} %",
-        "recordings": [{"name": rec.name, "rows": [_told(j) for j in rec.report.joints]} for rec in checked],
+        "recordings": [{"name": rec.name, "rows": [_excitation(j) for j in rec.report.joints]} for rec in checked],
     }
 
 
-def _told(joint: JointCheck) -> Mapping[str, object]:
+def _excitation(joint: JointCheck) -> Mapping[str, object]:
     """Return a joint's row: for each parameter its share, and its standard deviation due to torque noise."""
     moved, cells = joint.excitation, []
     for name, unit in zip(PARAMETERS, UNITS, strict=True):
@@ -161,14 +161,14 @@ def _contact(checked: Sequence[Examined]) -> Mapping[str, object]:
     reports = [rec.report.contact for rec in touching if rec.report.contact is not None]
     tracks = [rec.contact for rec in touching if rec.contact is not None]
     edges = ["0", *(f"{f:g}" for f in FORCES)]
-    all_told = said(reports[0], together(reports)) if len(reports) > 1 else []
+    together_lines = said(reports[0], together(reports)) if len(reports) > 1 else []
     return {
         "plot": widget(("x", "y", "z"), WRENCH, tracks, [True] * 3) if tracks else None,
         "heads": [*(f"{a}–{b} N" for a, b in pairwise(edges)), f"over {edges[-1]} N"],
         "recordings": [
             {"name": rec.name, "lines": said(c), "rows": _regimes(c)} for rec, c in zip(touching, reports, strict=True)
         ],
-        "together": all_told,
+        "together": together_lines,
     }
 
 

@@ -104,20 +104,21 @@ def _by_joint(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Sheet:
 
 
 def _pictures(c: CameraCheck) -> list[str]:
-    lost = [str(c.frames), f"{c.rate_hz:.3g}", str(c.lost), str(c.repeated)]
+    counts = [str(c.frames), f"{c.rate_hz:.3g}", str(c.lost), str(c.repeated)]
     light = [None if share is None else 100 * share for share in (c.saturated, c.dark)]
-    return [*lost, *(_some(".0f", share) for share in light), _some(".1f", c.softness), _some(".0f", c.fill_rate)]
+    return [*counts, *(_span(".0f", share) for share in light), _span(".1f", c.softness), _span(".0f", c.fill_rate)]
 
 
 def _views(c: CameraCheck) -> list[str]:
     covered = None if c.coverage is None else 100 * c.coverage
-    near, far = c.distance or (None, None)
-    rest = [_some(".0f", c.tilt), _some(".0f", c.roll), _some(".2f", None if c.speed is None else c.speed[0])]
+    distance = c.distance or (None, None)  # of borders; `c.near` and `c.far` are of depth readings
+    pose = [_span(".0f", c.tilt), _span(".0f", c.roll), _span(".2f", None if c.speed is None else c.speed[0])]
     jitter = f"{1e3 * c.jitter_s:.2g}"
-    return [jitter, _some(".2f", c.near, c.far), _some(".0f", covered), _some(".2f", near, far), *rest]
+    return [jitter, _span(".2f", c.near, c.far), _span(".0f", covered), _span(".2f", *distance), *pose]
 
 
-def _some(form: str, *values: float | None) -> str:
+def _span(form: str, *values: float | None) -> str:
+    """Return a number, or the ends of a range joined by a dash; `-` if one is unknown."""
     return "-" if None in values else "–".join(f"{v:{form}}" for v in values if v is not None)
 
 

@@ -35,9 +35,9 @@ def depth_range(data: Dataset | Stored, frames: Sequence[Mapping[str, np.ndarray
     """Return for each camera with depth its 2nd and 85th percentile, m, so that near depths differ visibly."""
     out = {}
     for name in [name for name in data.cameras if depth_of(name, frames[0]) in frames[0]]:
-        every = np.concatenate([f[depth_of(name, f)].ravel() for f in frames])
-        every = every[every > 0]
-        low, high = np.percentile(every, [2, 85]) if len(every) else (0.0, 1.0)
+        depths = np.concatenate([f[depth_of(name, f)].ravel() for f in frames])
+        depths = depths[depths > 0]
+        low, high = np.percentile(depths, [2, 85]) if len(depths) else (0.0, 1.0)
         out[name] = float(low), float(max(high, low + 1e-3))
     return out
 
@@ -77,6 +77,7 @@ def chosen(data: Dataset | Stored, count: int) -> list[int]:
     for k in range(count):
         e = episodes[k * len(episodes) // count]
         same = [j for j in range(count) if episodes[j * len(episodes) // count] is e]
+        # several frames of an episode are spread evenly over it; a single one, over the episodes, by the golden ratio
         share = (same.index(k) + 0.5) / len(same) if len(same) > 1 else ((k * 0.618034) % 1.0)
         out.add(e["dataset_from_index"] + int(share * e["length"]))
     return sorted(out)

@@ -66,10 +66,10 @@ def displacement(pixel: np.ndarray, normal: np.ndarray, along: np.ndarray, size:
             if here.sum() < LEAST:
                 continue
             n, d = normal[here], along[here]
-            weight = 1 / np.maximum(np.abs(d - np.median(d)), 0.5)  # outliers count less
-            square = (n * weight[:, None]).T @ n
-            square += 1e-3 * np.trace(square) * np.eye(2)  # so that parallel borders can be solved too
-            du, dv = np.linalg.solve(square, (n * weight[:, None]).T @ d)
+            weight = 1 / np.maximum(np.abs(d - np.median(d)), 0.5)  # px; outliers count less
+            matrix = (n * weight[:, None]).T @ n
+            matrix += 1e-3 * np.trace(matrix) * np.eye(2)  # so that parallel borders can be solved too
+            du, dv = np.linalg.solve(matrix, (n * weight[:, None]).T @ d)
             middle = (np.array([i, j]) + 0.5) / CELLS * size
             out.append((*middle, du, dv, float(np.sqrt(np.mean(d**2)))))
     return np.array(out).reshape(-1, 5)

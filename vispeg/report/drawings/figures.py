@@ -6,6 +6,7 @@ that is legible on a laptop would be 5 px high on a phone.
 
 from __future__ import annotations
 
+import math
 import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -46,7 +47,7 @@ class Shape:
     def grid(self, panels: int, most: int) -> tuple[int, int]:
         """Return (rows, columns) for a number of panels, with at most `most` columns in a wide window."""
         columns = max(1, min(panels, (most + 1) // 2 if self.narrow else most))
-        return -(-max(panels, 1) // columns), columns
+        return math.ceil(max(panels, 1) / columns), columns
 
 
 WIDE, NARROW = Shape("wide", 8.4, 9.0), Shape("narrow", 3.6, 9.0)
@@ -76,7 +77,7 @@ STYLE: Mapping[str, object] = {
     "svg.hashsalt": "vispeg",
     "text.parse_math": False,  # names come from users and may contain dollar signs
 }
-MARKS = ("|", "^", "o", "s")
+MARKS = ("|", "^", "o", "s")  # entries of a legend with these styles are markers, the others lines
 POINTS_AN_INCH = 72.0  # in an SVG by matplotlib
 LONG = 300  # characters; a longer path is a curve, a shorter one a mark
 SIZED = ("font.size", "axes.titlesize", "axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize")
@@ -148,7 +149,7 @@ def saved(figure: Figure, name: str, description: str) -> str:
     text = _lighter(re.sub(r"\n\s*", "\n", text))
     head = re.sub(r'\s(?:width|height)="[^"]*"', "", text[: text.index(">")])
     label = escape(description, quote=True)
-    text = re.sub(r'\bfill="(#[0-9a-f]{6})"', r'style="fill: \1"', text)  # in a hatch
+    text = re.sub(r'\bfill="(#[0-9a-f]{6})"', r'style="fill: \1"', text)  # of a hatch
     body = re.sub(r'style="[^"]*"', lambda style: themed(style[0]), text[text.index(">") + 1 :])
     return f'{head} font-family="{FONT}" role="img" aria-label="{label}"><title>{label}</title>{body}'
 

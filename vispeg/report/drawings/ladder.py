@@ -104,6 +104,10 @@ def _log_axis(ax: Axes, left: float, right: float) -> None:
 
 
 def _label(value: float, unit: str, first: float | None, held: float) -> str:
+    """Return an error with its unit; if it is at least 5 % below the first model's, also their ratio: `(÷ 1.32)`.
+
+    `value` is `held` in the scaled `unit`; `first` is the first model's error, None for that model itself.
+    """
     gain = ""
     if first and held > 0 and first / held >= 1.05:
         gain = f" (÷ {first / held:.2f})" if first / held < 2 else f" (÷ {fold(first / held)})"

@@ -74,13 +74,14 @@ def _steps(axis: Any, measured: Joint) -> bool:
 
 
 def _points(measured: Joint) -> list[tuple[str, list[Any], str]]:
-    sizes = sorted({_word(p.amplitude) for p in measured.points}, key=lambda w: (len(w), w))
+    """Return the points of each amplitude: (label, points, colour)."""
+    sizes = sorted({_label(p.amplitude) for p in measured.points}, key=lambda w: (len(w), w))
     colours = (MEASURED, BEFORE, RIVALS[0], RIVALS[1])
-    held = [[p for p in measured.points if _word(p.amplitude) == size] for size in sizes]
-    return [(size, points, colours[k % 4]) for k, (size, points) in enumerate(zip(sizes, held, strict=True))]
+    groups = [[p for p in measured.points if _label(p.amplitude) == size] for size in sizes]
+    return [(size, points, colours[k % 4]) for k, (size, points) in enumerate(zip(sizes, groups, strict=True))]
 
 
-def _word(amplitude: float) -> str:
+def _label(amplitude: float) -> str:
     return f"{amplitude:.2g} rad" if amplitude else "sweep"
 
 
@@ -88,7 +89,7 @@ def _gain(axis: Any, measured: Joint) -> bool:
     for size, points, colour in _points(measured):
         used = [p for p in points if p.used]
         gain = np.array([abs(p.response) for p in used])
-        u = np.array([p.u for p in used]) * 1.96 * 20 / np.log(10)
+        u = np.array([p.u for p in used]) * 1.96 * 20 / np.log(10)  # 95 % half-width, dB
         axis.errorbar([p.hz for p in used], 20 * np.log10(gain), u, fmt="o", ms=3.5, lw=0.9, color=colour, label=size)
     if not measured.points:
         return False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ BY_MODALITY = {m: day(m) for m in ("state", "depth", "rgbd", "rgb")} | {
     "proprio": day("blind"),
 }
 SPARE = tuple(map(day, ("other", "lagoon", "plum", "olive", "brown", "rival", "violet")))
-BY_CATEGORY = {
+BY_CATEGORY = {  # category of an episode's end
     "success": day("after"),
     "approach": day("pale"),
     "search": day("sand"),
@@ -56,7 +57,7 @@ def of_policies(policies: Sequence[Mapping[str, Any]]) -> dict[str, Style]:
     If there are more, all but the first have spare colours in turn.
     """
     counts, styles = Counter(str(row["modality"]) for row in policies), {}
-    spare, used = iter(SPARE * (1 + len(policies) // len(SPARE))), Counter[str]()
+    spare, used = itertools.cycle(SPARE), Counter[str]()
     for row in policies:
         modality = str(row["modality"])
         colour = BY_MODALITY.get(modality)

@@ -25,7 +25,7 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object] | None:
             plain_rate = rates.get((policy["name"], world, ""))
             if any(cells) and plain_rate:
                 name, style = policy["name"], styles[policy["name"]]
-                drawn = [e and bars.bar(name, number[name], e, style) for e in (plain_rate, *cells)]
+                drawn = [None if e is None else bars.bar(name, number[name], e, style) for e in (plain_rate, *cells)]
                 rows.append({"policy": name, "number": number[name], "cells": drawn})
         tables.append({"world": world, "rows": rows})
     blind = [

@@ -80,8 +80,8 @@ def render(values: Mapping[str, Any], strip: Strip | None = None) -> str:
         for k in kinds["kinds"]
     ]
     heads = ("kind of end", "simulation", "robot", "Holm", "verdict")
-    said = "; ".join([kinds["words"], *(m["words"] for m in values["measures"])])
-    sections.append(table_page.table("How they fail", heads, counts, note=said))
+    note = "; ".join([kinds["words"], *(m["words"] for m in values["measures"])])
+    sections.append(table_page.table("How they fail", heads, counts, note=note))
     rules = [
         [r["rule"], f"{r['value']:.3g} {r['unit']}", f"{r['limit']:g}", r["points_to"] if r["speaks"] else "-"]
         for r in values["rules"]
@@ -89,34 +89,34 @@ def render(values: Mapping[str, Any], strip: Strip | None = None) -> str:
     if rules:
         note = "Rules of thumb of practitioners, not statistical tests. Joints and delay are compared before contact."
         sections.append(table_page.table("Rules", ("rule", "here", "from", "points to"), rules, note=note))
-    each = [[t["trial"], t["category"], words.rate(t["closed"]), words.rate(t["open"])] for t in values["trials"]]
+    rows = [[t["trial"], t["category"], words.rate(t["closed"]), words.rate(t["open"])] for t in values["trials"]]
     heads = ("trial", "ended by", "the policy from its start", "its actions from its start")
-    sections.append(table_page.table("Trials", heads, each))
+    sections.append(table_page.table("Trials", heads, rows))
     return page("vispeg explain", "explanation of trials", [*sections, table_page.origin(values)])
 
 
 def _bridge(values: Mapping[str, Any]) -> list[table_page.Section]:
     """Return sections on the unexplained remainder, the conditions of the verdict, and next steps with their cost."""
-    sections, b, left = [], values["bridge"], values["remainder"]
-    if left:
+    sections, bridge, remainder = [], values["bridge"], values["remainder"]
+    if remainder:
         regimes = "; ".join(
             f"{100 * r['share']:.0f} % of its power in {name} ({r['recordings']} recordings)"
-            for name, r in left["regimes"].items()
+            for name, r in remainder["regimes"].items()
         )
-        rows = [["without", words.rate(left["without"])], ["with it", words.rate(left["with_it"])]]
-        rows.append(["change, points", words.change(left["cost"])])
-        rows += [[f"{j['joint']}, RMS", f"{j['rms']:.2g} {j['unit']}"] for j in left["joints"]]
+        rows = [["without", words.rate(remainder["without"])], ["with it", words.rate(remainder["with_it"])]]
+        rows.append(["change, points", words.change(remainder["cost"])])
+        rows += [[f"{j['joint']}, RMS", f"{j['rms']:.2g} {j['unit']}"] for j in remainder["joints"]]
         note = (
-            f"{left['words']}. In the same episodes, the joints also get the missing torque of "
-            f"{len(left['recordings'])} recordings in the identified world, below 8 Hz, in blocks of "
-            f"{left['block_s']:.2g} s (twice its correlation time); {regimes}."
+            f"{remainder['words']}. In the same episodes, the joints also get the missing torque of "
+            f"{len(remainder['recordings'])} recordings in the identified world, below 8 Hz, in blocks of "
+            f"{remainder['block_s']:.2g} s (twice its correlation time); {regimes}."
         )
         sections.append(table_page.table("Effect of the unexplained torque", ("", "success"), rows, note=note))
-    rows = [[c["condition"], c["here"], words.met(c["met"])] for c in b["conditions"]]
-    rows += [[f"sign: {s['sign']}", s["here"], "present" if s["speaks"] else "absent"] for s in b["signs"]]
+    rows = [[c["condition"], c["here"], words.met(c["met"])] for c in bridge["conditions"]]
+    rows += [[f"sign: {s['sign']}", s["here"], "present" if s["speaks"] else "absent"] for s in bridge["signs"]]
     note = (
-        f"{b['verdict']}: {b['words']}. The gap is called unbridgeable only if all conditions are met. Signs by which "
-        "practitioners recognise such a gap are shown for comparison and do not count."
+        f"{bridge['verdict']}: {bridge['words']}. The gap is called unbridgeable only if all conditions are met. Signs "
+        "by which practitioners recognise such a gap are shown for comparison and do not count."
     )
     sections.append(table_page.table("Can it be bridged here?", ("condition", "here", ""), rows, note=note))
     rows = [
@@ -149,15 +149,16 @@ def _more(more: Mapping[str, Any]) -> str:
 
 def _story(values: Mapping[str, Any], strip: Strip | None) -> list[table_page.Section]:
     """Return a section on one trial: real and simulated images, and the policy's action on each."""
-    m = values["moment"]
-    if m is None:
+    moment = values["moment"]
+    if moment is None:
         return []
-    asked = [["robot", _offset(m["robot_mm"])], [f"simulation's {m['sense']}", _offset(m["simulated_mm"])]]
+    asked = [["robot", _offset(moment["robot_mm"])]]
+    asked.append([f"simulation's {moment['sense']}", _offset(moment["simulated_mm"])])
     text, drawn = "", ""
     if strip is not None:
         text = "Above: the robot's camera; below: simulation at the same joint angles. The frame marks this step."
         drawn = chart(lambda shape: _strip(strip, shape), "strip", "Pictures of the robot and of simulation")
-    head = f"Where the {m['sense']} differ most: {m['trial']}, {m['time_s']:.2f} s"
+    head = f"Where the {moment['sense']} differ most: {moment['trial']}, {moment['time_s']:.2f} s"
     return [
         table_page.table(head, ("on", "the policy asks for, mm in the base's axes"), asked, picture=drawn, caption=text)
     ]

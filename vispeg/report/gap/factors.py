@@ -33,11 +33,11 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
 
 
 def _part(name: str, e: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, str]:
-    part = row["share"].get(name)
-    ends = "" if part is None else f" ({words.hundredths(part['low'])} to {words.hundredths(part['high'])})"
+    share = row["share"].get(name)
+    ends = "" if share is None else f" ({words.hundredths(share['low'])} to {words.hundredths(share['high'])})"
     return {
         "value": words.change(e),
-        "share": "" if part is None else f"{words.hundredths(part['value'])} %{ends} of the total",
+        "share": "" if share is None else f"{words.hundredths(share['value'])} %{ends} of the total",
         "certain": "yes" if row["verdict"][name] == "different" else "",
     }
 

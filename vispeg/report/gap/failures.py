@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -38,10 +39,10 @@ def _figure(values: Mapping[str, Any], shape: Shape) -> Figure | None:
     worlds, policies = [w["name"] for w in values["worlds"]], values["policies"]
     categories = {(r["policy"], r["world"]): r["categories"] for r in values["success"] if not r["control"]}
     names = list(dict.fromkeys(c for counts in categories.values() for c in counts if c != "success"))
-    names.sort(key=lambda c: list(BY_CATEGORY).index(c) if c in BY_CATEGORY else 99)
+    names.sort(key=lambda c: list(BY_CATEGORY).index(c) if c in BY_CATEGORY else len(BY_CATEGORY))
     if not names:
         return None
-    spare = iter(SPARE * 9)
+    spare = itertools.cycle(SPARE)
     colours = {c: BY_CATEGORY.get(c) or next(spare) for c in names}
     lines, columns = shape.grid(len(policies), 4)
     figure = new_figure(0.7 + (0.6 + 0.23 * len(worlds)) * lines, shape.width)

@@ -20,12 +20,12 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     reference = values["reference"]
     rates = {(r["policy"], r["world"], r["control"]): r["success"] for r in values["success"]}
     gaps = {g["policy"]: g for g in values["gaps"] if g["world"] == target}
-    there = {n: e for (n, w, c), e in rates.items() if w == (target or reference) and not c}
-    policies = [p for p in values["policies"] if p["name"] in (gaps if target else there)]
-    policies.sort(key=lambda p: (RANK.index(words.role(p)), -there[p["name"]]["value"]))
+    shown = {n: e for (n, w, c), e in rates.items() if w == (target or reference) and not c}
+    policies = [p for p in values["policies"] if p["name"] in (gaps if target else shown)]
+    policies.sort(key=lambda p: (RANK.index(words.role(p)), -shown[p["name"]]["value"]))
     lines, figures = [], []
     for p in policies:
-        name, e, g = p["name"], there[p["name"]], gaps.get(p["name"])
+        name, e, g = p["name"], shown[p["name"]], gaps.get(p["name"])
         role = ", ".join(filter(None, (words.role(p), "home" if g and g["home"] else "")))
         note = words.change(g["gap"]) + " points" if g else f"{100 * e['low']:.0f} to {100 * e['high']:.0f}"
         figures.append((name, words.percent(e["value"]), "; ".join(filter(None, (role, note)))))
@@ -33,7 +33,7 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
             line = {"policy": name, "rate": words.rate_of(e), "words": g["words"], "cost": _dearest(values, name)}
             lines.append({**line, "role": role})
     return {
-        "title": _best(values, policies, str(target), there) if lines else _evaluation(values),
+        "title": _best(values, policies, str(target), shown) if lines else _evaluation(values),
         "lines": lines,
         "figures": figures[:MOST],
         "target": target or reference,
@@ -47,19 +47,21 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
 
 
 def _best(
-    values: Mapping[str, Any], policies: Sequence[Mapping[str, Any]], target: str, there: Mapping[str, Any]
+    values: Mapping[str, Any], policies: Sequence[Mapping[str, Any]], target: str, rates: Mapping[str, Any]
 ) -> str:
     """Return the title: the policy with most success in the target, if the comparisons can tell."""
     best = policies[0]
     name, others = best["name"], [p["name"] for p in policies[1:] if words.role(p) == words.role(best)]
-    told = {frozenset((c["first"], c["second"])): c["verdict"] for c in values["comparisons"] if c["world"] == target}
-    unsure = [other for other in others if told.get(frozenset((name, other))) != "different"]
+    verdicts = {
+        frozenset((c["first"], c["second"])): c["verdict"] for c in values["comparisons"] if c["world"] == target
+    }
+    unsure = [other for other in others if verdicts.get(frozenset((name, other))) != "different"]
     if not others:
-        return f"{name} in {target}: {words.rate_of(there[name])}"
+        return f"{name} in {target}: {words.rate_of(rates[name])}"
     if not unsure:
-        return f"{name} keeps most in {target}: {words.rate_of(there[name])}"
+        return f"{name} keeps most in {target}: {words.rate_of(rates[name])}"
     rivals = " or ".join(unsure) if len(unsure) < 3 else f"{len(unsure)} others"
-    return f"{name} has {words.rate_of(there[name])} in {target}; whether that is more than {rivals}, {CANNOT_TELL}"
+    return f"{name} has {words.rate_of(rates[name])} in {target}; whether that is more than {rivals}, {CANNOT_TELL}"
 
 
 def _evaluation(values: Mapping[str, Any]) -> str:

@@ -31,8 +31,12 @@ def _trained(policy: Mapping[str, Any]) -> str:
 
 def _together(notes: Sequence[str], policies: Sequence[str]) -> list[str]:
     """Merge notes that say the same of several policies into one line."""
-    said: dict[str, list[str]] = {}
+    policies_by_text: dict[str, list[str]] = {}
     for note in notes:
         name = next((p for p in sorted(policies, key=len, reverse=True) if note.startswith(f"{p} ")), "")
-        said.setdefault(note.removeprefix(name).strip(), []).append(name)
-    return [f"{', '.join(filter(None, names))}{':' * (len(names) > 1)} {text}".strip() for text, names in said.items()]
+        policies_by_text.setdefault(note.removeprefix(name).strip(), []).append(name)
+    lines = []
+    for text, names in policies_by_text.items():
+        colon = ":" if len(names) > 1 else ""
+        lines.append(f"{', '.join(filter(None, names))}{colon} {text}".strip())
+    return lines

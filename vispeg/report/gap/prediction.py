@@ -22,8 +22,8 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     for row in values["prediction"]:
         pairs = row["n"] * (row["n"] - 1) // 2
         cells = [_interval(row["pearson"]) if row["n"] >= FEWEST_POLICIES else "-"]
-        most = row.get("ceiling")  # older records have none
-        cells.append("-" if most is None or row["measured"] is None else f"{row['measured']:.2f} of {most:.2f}")
+        ceiling = row.get("ceiling")  # older records have none
+        cells.append("-" if ceiling is None or row["measured"] is None else f"{row['measured']:.2f} of {ceiling:.2f}")
         cells += [
             f"{row['mmrv']:.2f} ({row['ordered']} of {pairs} pairs)",
             words.change(row["mean_difference"]),

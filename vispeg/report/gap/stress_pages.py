@@ -148,10 +148,10 @@ def perturb_page(values: Mapping[str, Any]) -> str:
 def _weakest(rows: list[Any]) -> str:
     """Return in words the positions with the lowest success without pushes; no position is named if all are equal."""
     worst = min(rows, key=lambda r: r["still"]["value"])["still"]
-    there = [r["position"] for r in rows if r["still"]["value"] == worst["value"]]
-    if len(there) == len(rows) > 1:
+    weakest = [r["position"] for r in rows if r["still"]["value"] == worst["value"]]
+    if len(weakest) == len(rows) > 1:
         return f"{words.rate(worst)} still, in every position"
-    return f"weakest {', '.join(there)}: {words.rate(worst)} still"
+    return f"weakest {', '.join(weakest)}: {words.rate(worst)} still"
 
 
 def _rate(e: Mapping[str, Any] | None) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from vispeg.report.drawings.figures import GROUND, MEASURED, MUTED, Shape, chart, new_figure, quiet, side_by_side
+from vispeg.report.drawings.figures import GROUND, MEASURED, MUTED, Shape, new_figure, quiet, side_by_side
 from vispeg.report.gap import words, worlds
 from vispeg.report.gap.colours import Style, of_policies, ordered
 
@@ -48,11 +48,6 @@ def _cell(row: Mapping[str, Any] | None, home: bool) -> dict[str, str]:
         "rest": ", ".join(rest),
         "home": "home" if home else "",
     }
-
-
-def picture(values: Mapping[str, Any]) -> str:
-    """Return the bars as inline SVG."""
-    return chart(lambda shape: figure(values, shape), "success", "Success by world and policy, with 95 % intervals")
 
 
 def figure(values: Mapping[str, Any], shape: Shape) -> Figure:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from vispeg.evaluation.suite import ALARM, HEALTHY
 from vispeg.report.drawings.figures import AFTER, BEFORE, MEASURED, MUTED, RULE, Shape, chart, new_figure, quiet
 from vispeg.report.gap import table_page, words
 from vispeg.report.gap.page import page
@@ -30,7 +31,9 @@ def render(
     rows = [[r["policy"], r["configuration"], words.rate(r["train"]), words.rate(r["target"])] for r in last["rows"]]
     caption = "One point per configuration. On the line, success in the target equals success in the training world."
     if len(versions) > 1:
-        caption += " Right: correlation of the two by version; above 0.8 is healthy, below 0.6 raises an alarm."
+        caption += (
+            f" Right: correlation of the two by version; above {HEALTHY} is healthy, below {ALARM} raises an alarm."
+        )
     picture = scatter(versions)
     sections.append(table_page.table("Configurations", heads, rows, picture=picture, caption=caption))
     if changes:
@@ -83,8 +86,8 @@ def _points(ax: Axes, last: Mapping[str, Any]) -> None:
 
 
 def _history(ax: Axes, versions: Sequence[Mapping[str, Any]]) -> None:
-    ax.axhspan(0.8, 1.02, color=AFTER, alpha=0.08, linewidth=0)
-    ax.axhspan(-1.02, 0.6, color=BEFORE, alpha=0.08, linewidth=0)
+    ax.axhspan(HEALTHY, 1.02, color=AFTER, alpha=0.08, linewidth=0)
+    ax.axhspan(-1.02, ALARM, color=BEFORE, alpha=0.08, linewidth=0)
     for i, v in enumerate(versions):
         e = v["health"].get("pearson")
         if e is not None and e["value"] is not None:

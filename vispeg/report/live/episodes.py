@@ -20,7 +20,10 @@ MOST = 1_000  # seeds that the page lists
 def context(
     values: Mapping[str, Any], episodes: Sequence[Episode], media: Sequence[Mapping[str, Any]] = ()
 ) -> Mapping[str, object] | None:
-    """Return the data for the page's script; None if no two sides can be paired."""
+    """Return the data for the page's script; None if no two sides can be paired.
+
+    A side is a policy with one training seed. Episodes of controls and of configurations are left out.
+    """
     plain = [e for e in episodes if not e.control and not e.configuration]
     worlds = [w["name"] for w in values["worlds"] if any(e.world == w["name"] for e in plain)]
     replicas = {e.policy: len({o.train_seed for o in plain if o.policy == e.policy}) for e in plain}
@@ -45,9 +48,14 @@ def context(
             if of_side:
                 rows[f"{i},{j}"] = {"end": end, **numbers}
     films = [
-        {"policy": m["policy"], "seed": m["seed"], "world": side["world"], "at": f"film-{k}", "trained": network}
+        {
+            "policy": m["policy"],
+            "seed": m["seed"],
+            "world": side["world"],
+            "at": f"film-{k}",
+            "trained": m.get("train_seed"),  # older results do not state it
+        }
         for k, m in enumerate(media)
-        for network in [m.get("train_seed")]  # older results do not state it
         for side in m["sides"]
     ]
     colours = {c: name_of(BY_CATEGORY[c]) for c in ends if c in BY_CATEGORY}

@@ -14,8 +14,8 @@ HIDDEN = 3  # geom groups from this on are collision shapes and markers
 
 def visible(model: mujoco.MjModel) -> list[int]:
     """Return the geoms to draw: in a body with shapes that are for display only, those; in other bodies all."""
-    clear = (model.geom_rgba[:, 3] == 0) & (model.geom_matid < 0)
-    drawn = (model.geom_group < HIDDEN) & ~clear
+    transparent = (model.geom_rgba[:, 3] == 0) & (model.geom_matid < 0)
+    drawn = (model.geom_group < HIDDEN) & ~transparent
     collides = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
     for_display = np.zeros(model.nbody, bool)  # bodies with shapes that do not collide
     for_display[model.geom_bodyid[drawn & ~collides]] = True
@@ -49,7 +49,7 @@ def skeleton(model: mujoco.MjModel) -> list[tuple[int, np.ndarray, np.ndarray]]:
             middle = np.average(centre, axis=0, weights=mass) if mass.sum() > 0 else data.xpos[b]
             ends[b] = [2 * middle - data.xpos[b]]
     lengths = {b: [float(np.linalg.norm(end - data.xpos[b])) for end in ends[b]] for b in bare}
-    reach = sum(max(some) for some in lengths.values())
+    reach = sum(max(of_body) for of_body in lengths.values())
     radius = max(0.035 * reach, 0.005)  # about the thickness of a wrist for an arm of 1 m
     out = []
     for b in bare:
@@ -70,7 +70,7 @@ def colour_of(model: mujoco.MjModel, g: int) -> tuple[float, ...]:
     """Return the colour (3,) of a geom, 0 to 1: its own, or its material's."""
     material = int(model.geom_matid[g])
     rgba = model.geom_rgba[g]
-    if material >= 0 and np.allclose(rgba, (0.5, 0.5, 0.5, 1.0)):
+    if material >= 0 and np.allclose(rgba, (0.5, 0.5, 0.5, 1.0)):  # MuJoCo's default: no colour of its own
         rgba = model.mat_rgba[material]
     return tuple(float(c) for c in rgba[:3])
 
@@ -96,14 +96,14 @@ def simplified(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.n
     cells = 96.0
     while True:
         at = np.floor((vertices - low) / max(extent / cells, 1e-12)).astype(np.int64)
-        _, of, count = np.unique(at, axis=0, return_inverse=True, return_counts=True)
-        new = of.reshape(-1)[faces]
+        _, cell, count = np.unique(at, axis=0, return_inverse=True, return_counts=True)
+        new = cell.reshape(-1)[faces]
         new = new[(new[:, 0] != new[:, 1]) & (new[:, 1] != new[:, 2]) & (new[:, 2] != new[:, 0])]
         _, first = np.unique(np.sort(new, axis=1), axis=0, return_index=True)
         if len(first) <= most or cells < 2:
             break
         cells *= 0.85
     means = np.zeros((len(count), 3))
-    np.add.at(means, of.reshape(-1), vertices)
+    np.add.at(means, cell.reshape(-1), vertices)
     used, index = np.unique(new[np.sort(first)], return_inverse=True)
     return (means / count[:, None])[used].astype(np.float32), index.reshape(-1, 3).astype(np.uint32)

@@ -71,9 +71,9 @@ def widget(
         tracks: one or more recordings.
         visible: whether each channel is shown at first.
     """
-    there = {key for track in tracks for key in track.arrays}
-    used = [p for p in panels if any({line.of, line.minus or line.of} <= there for line in p.lines)]
-    lines = {line.label: line for panel in used for line in panel.lines if line.of in there}
+    available = {key for track in tracks for key in track.arrays}
+    used = [p for p in panels if any({line.of, line.minus or line.of} <= available for line in p.lines)]
+    lines = {line.label: line for panel in used for line in panel.lines if line.of in available}
     rows = len(channels) * sum(len(track.arrays) for track in tracks)
     most = int(np.clip(BUDGET / max(rows, 1), FEWEST, MOST))
     data = {

@@ -12,7 +12,7 @@ from vispeg.report.record import Record, label, rows
 from vispeg.report.text.quantities import number, plain
 
 TITLE = "Candidates tried"
-MOST_SCREENED = 20
+MOST_SCREENED = 20  # most rows of the ranking that are shown
 
 
 def context(record: Record) -> Mapping[str, object]:
@@ -29,7 +29,7 @@ def context(record: Record) -> Mapping[str, object]:
                 "gain": _percent(row.get("heldout_gain")),
                 "errors": plain(row.get("gain_standard_errors"), 2),
                 "bar": bar(max(0.0, number(row.get("heldout_gain")) or 0.0), MUTED)
-                if _some(row.get("heldout_gain"))
+                if _positive(row.get("heldout_gain"))
                 else "",
                 "why": str(row.get("rejected_because") or "–"),
             }
@@ -53,11 +53,14 @@ def context(record: Record) -> Mapping[str, object]:
 
 
 def _by_model(tried: Iterable[dict[str, str]]) -> list[Mapping[str, object]]:
-    """Group rows by the model that the candidate was added to; models are in the order of their best row."""
+    """Group rows by the model that the candidate was added to, in the order of their best row.
+
+    `size` is the number of effects in that model.
+    """
     models: dict[str, list[dict[str, str]]] = {}
     for row in tried:
         models.setdefault(row["beside"], []).append(row)
-    return [{"beside": beside, "size": beside.count("(") or 1, "rows": its} for beside, its in models.items()]
+    return [{"beside": beside, "size": beside.count("(") or 1, "rows": group} for beside, group in models.items()]
 
 
 def _beside(row: Mapping[str, Any]) -> str:
@@ -67,7 +70,7 @@ def _beside(row: Mapping[str, Any]) -> str:
     return ", ".join(label(other) for other in rows(row, "tried_beside")) or "the initial model"
 
 
-def _some(value: Any) -> bool:
+def _positive(value: Any) -> bool:
     return (number(value) or 0.0) > 0
 
 

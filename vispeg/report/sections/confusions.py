@@ -16,7 +16,7 @@ def context(record: Record) -> Mapping[str, object]:
     following = record.mapping("next_experiment")
     sigma = number(following.get("expected_separation_sigma"))
     return {
-        "combinations": [words.join(some) for some in words.combinations(record.values)],
+        "combinations": [words.join(members) for members in words.combinations(record.values)],
         "classes": words.rivals(record.values),
         "named": bool(record.rows("effects") or record.rows("partial")),
         "remedy": str(following.get("why") or "").rstrip("."),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,7 @@ def context(record: Record) -> Mapping[str, object] | None:
     if not drift:
         return None
     return {
-        "said": [said.removeprefix("has the robot changed? ") for said in drifted(drift)],
+        "said": [sentence.removeprefix("has the robot changed? ") for sentence in drifted(drift)],
         "rows": [
             {
                 "effect": label(row),
@@ -40,13 +41,13 @@ def context(record: Record) -> Mapping[str, object] | None:
 
 def _figure(drift: Sequence[Mapping[str, Any]], shape: Shape) -> Figure:
     columns = 3 if shape.name == "wide" else 1
-    lines = -(-len(drift) // columns)
+    lines = math.ceil(len(drift) / columns)
     figure = new_figure(1.5 * lines + 0.3, shape.width)
     grid = figure.subplots(lines, columns, squeeze=False)
     for axes, row in zip(grid.ravel(), drift, strict=False):
-        every = (row["then"], *row["now"])
-        factor, unit = prefix(max(abs(e[key]) for e in every for key in ("low", "high")), row["unit"])
-        then, *points = ({key: factor * e[key] for key in ("value", "low", "high")} for e in every)
+        intervals = (row["then"], *row["now"])
+        factor, unit = prefix(max(abs(e[key]) for e in intervals for key in ("low", "high")), row["unit"])
+        then, *points = ({key: factor * e[key] for key in ("value", "low", "high")} for e in intervals)
         axes.axhspan(then["low"], then["high"], color=RULE)
         axes.axhline(then["value"], color=AFTER, linewidth=1)
         for k, (at, now) in enumerate(zip(points, row["now"], strict=True)):

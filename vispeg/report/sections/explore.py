@@ -40,7 +40,7 @@ def context(record: Record) -> dict[str, object] | None:
         "recordings": [name for name, _, _ in choices.residuals],
         "start": rows[last],
         "first": rows[0],
-        "bar": _axis(choices, floor),
+        "bar": _bar_marks(choices, floor),
         "data": inert(data),
         "held_out": record.kind == "diagnosis",
         "one_by_one": len(choices.effects) > 1 and len(choices.on) < 2 ** len(choices.effects),
@@ -80,7 +80,7 @@ def _row(choices: Choices, i: int, unit: str, floor: float | None) -> dict[str, 
 
 
 def _ends(choices: Choices, floor: float | None) -> tuple[float, float]:
-    """Return the ends (low, high) of the bar's logarithmic axis."""
+    """Return the ends (low, high) of the bar's logarithmic axis, at least a decade, with room below the least error."""
     errors = [float(e) for e in choices.error if np.isfinite(e) and e > 0] + ([floor] if floor else [])
     high = max(errors, default=1.0)
     return min(min(errors, default=0.1) / 1.6, high / 10), high
@@ -94,7 +94,7 @@ def _position(error: float, choices: Choices, floor: float | None) -> float:
     return round(100 * float(np.clip(np.log(error / low) / np.log(high / low), 0, 1)), 2)
 
 
-def _axis(choices: Choices, floor: float | None) -> dict[str, float | None]:
+def _bar_marks(choices: Choices, floor: float | None) -> dict[str, float | None]:
     return {
         "floor": None if not floor else _position(floor, choices, floor),
         "first": _position(float(choices.error[0]), choices, floor),

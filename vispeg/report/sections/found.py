@@ -16,19 +16,19 @@ from vispeg.report.text.quantities import number, plain, prefix, scaled
 
 TITLE = "What was found"
 STRONG = 0.9  # smallest correlation of two estimates that is called strong
-MOST_OPEN = 4  # effects whose tables are expanded
+MOST_OPEN = 4  # with more effects, their tables are folded
 AT_BOUND = "at a bound: the true value may lie beyond"
 
 
 def context(record: Record) -> Mapping[str, object]:
     """Return the effects with one row per parameter, earlier values that changed, and correlations of the estimates."""
-    listed = [e for e in [*record.rows("effects"), *record.rows("partial")] if in_part(record, e)]
-    everything = [*listed, *(e for e in record.rows("effects") if not in_part(record, e))]
+    partial = [e for e in [*record.rows("effects"), *record.rows("partial")] if in_part(record, e)]
+    everything = [*partial, *(e for e in record.rows("effects") if not in_part(record, e))]
     return {
         "glance": [_glance(e) for e in sorted(everything, key=lambda e: bool(e.get("tentative")))],
         "folded": len(everything) > MOST_OPEN,
         "effects": [_effect(e) for e in record.rows("effects") if not (e.get("partial") or e.get("tentative"))],
-        "partial": [_effect(e) for e in listed if not e.get("tentative")],
+        "partial": [_effect(e) for e in partial if not e.get("tentative")],
         "tentative": [_effect(e) for e in everything if e.get("tentative")],
         "moved": [_moved(row) for row in record.rows("parameters_moved")],
         "correlations": correlations(record),
@@ -56,6 +56,7 @@ _NOTHING: dict[str, str] = dict.fromkeys(("param", "value", "interval", "unit", 
 
 
 def _params(effect: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Return one row per parameter; if some were fitted, without the others that are at their null value."""
     name, values = str(effect.get("effect")), params_of(effect)
     fitted = any(_fitted(p) for p in values.values())
     return [_row(name, k, p) for k, p in values.items() if _fitted(p) or not fitted or not _at_null(name, k, p)]
@@ -66,7 +67,7 @@ def _fitted(p: Mapping[str, Any]) -> bool:
 
 
 def _at_null(name: str, param: str, p: Mapping[str, Any]) -> bool:
-    """Return whether a value is the null value: if other parameters were fitted, this one was not."""
+    """Return whether a parameter has its null value."""
     bounds = bounds_of(name, param)
     return bounds is not None and number(p.get("value")) == bounds.null
 
@@ -149,7 +150,7 @@ def _row(effect: str, name: str, p: Mapping[str, Any]) -> dict[str, str]:
         factor, scaled_unit = prefix(max(abs(declared.low), abs(declared.high)), base_unit)
         ends = f"{plain(factor * declared.low)} to {plain(factor * declared.high)}"
         bounds = f"{ends} {effect_words.unit(scaled_unit)}".strip()
-    said = remark(*numbers, declared)
+    notes = remark(*numbers, declared)
     return {
         "param": name,
         "doc": declared.doc if declared else "",
@@ -158,8 +159,8 @@ def _row(effect: str, name: str, p: Mapping[str, Any]) -> dict[str, str]:
         "unit": effect_words.unit(unit),
         "bounds": bounds,
         "strip": strip,
-        "remark": said,
-        "bound": "at its bound" if AT_BOUND in said else "",
+        "remark": notes,
+        "bound": "at its bound" if AT_BOUND in notes else "",
     }
 
 

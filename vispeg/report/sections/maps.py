@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -83,6 +84,7 @@ def _figure(maps: list[ResidualMap], joints: tuple[str, ...], shape: Shape) -> F
         ScalarMappable(norm, colours), ax=grid, location="top", aspect=8 * shape.width, pad=0.02, extend="neither"
     )
     bar.set_label("RMS residual, in multiples of the noise")
+    # labels at 1, 2 and 5 of each decade (on a narrow page at 1): first digit and first decimal of 1.0e+00
     named = [v for v in levels if f"{v:e}"[0] in ("1" if shape.narrow else "125") and f"{v:e}"[2] == "0"]
     bar.set_ticks(named, labels=[f"{v:g}" for v in named])
     bar.ax.tick_params(length=0, which="both")
@@ -108,7 +110,7 @@ def _map(
     ax.axhspan(0, len(joints), color=NO_DATA, lw=0, zorder=0)  # because the patch of the axes is not drawn
     ax.set_ylim(len(joints), 0)
     ax.set_yticks(np.arange(len(joints)) + 0.5, joints)
-    ticks = np.arange(0, k + 1, max(1, -(-k // parts)))
+    ticks = np.arange(0, k + 1, max(1, math.ceil(k / parts)))
     edges = _edges(residual)
     ax.set_xticks(ticks, [plain(edges[i], 2) for i in ticks])
     ax.tick_params(length=0)

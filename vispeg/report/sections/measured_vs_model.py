@@ -71,28 +71,30 @@ def interactive(record: Record) -> dict[str, object]:
 
 
 def _worst_first(record: Record) -> list[Trace]:
+    """Return at most MOST_TRACKS traces by decreasing residual of the last model."""
     return sorted(record.evidence.traces, key=lambda t: -(_final(t) or 0.0))[:MOST_TRACKS]
 
 
-def _arrays(trace: Trace | None, of: str = "") -> dict[str, np.ndarray]:
+def _arrays(trace: Trace | None, suffix: str = "") -> dict[str, np.ndarray]:
     """Return the measured values and each model's residuals, which are encoded separately so that they stay exact."""
     if trace is None:
         return {}
-    arrays = {f"measured{of}": trace.measured, f"before{of}": trace.measured - trace.before}
-    if trace.posture is not None and not of:
+    arrays = {f"measured{suffix}": trace.measured, f"before{suffix}": trace.measured - trace.before}
+    if trace.posture is not None and not suffix:
         arrays["posture"] = trace.posture
-    return arrays if trace.after is None else arrays | {f"after{of}": trace.measured - trace.after}
+    return arrays if trace.after is None else arrays | {f"after{suffix}": trace.measured - trace.after}
 
 
-def _panels(unit: str, of: str, last: str) -> tuple[Panel, Panel]:
-    """Return the panels of signals and of residuals."""
+def _panels(unit: str, suffix: str, last: str) -> tuple[Panel, Panel]:
+    """Return the panels of signals and of residuals; `last` is the label of the final model."""
     name = WHAT.get(unit, "signal")
     first = last if last == "model" else "model before"
-    ends = [(first, f"before{of}", "before", False)] + ([(last, f"after{of}", "after", True)] if last != first else [])
-    signals = [Line("measured", f"measured{of}", "ink", width=2.0)]
-    signals += [Line(label, f"measured{of}", colour, minus=key, dash=dash) for label, key, colour, dash in ends]
-    residuals = [Line(label, key, colour) for label, key, colour, _ in ends]
-    visible = not of
+    models = [(first, f"before{suffix}", "before", False)]
+    models += [(last, f"after{suffix}", "after", True)] if last != first else []
+    signals = [Line("measured", f"measured{suffix}", "ink", width=2.0)]
+    signals += [Line(label, f"measured{suffix}", colour, minus=key, dash=dash) for label, key, colour, dash in models]
+    residuals = [Line(label, key, colour) for label, key, colour, _ in models]
+    visible = not suffix
     return Panel(name, unit, tuple(signals), visible), Panel(f"{name} residual", unit, tuple(residuals), visible)
 
 
@@ -176,6 +178,7 @@ def _row(trace: Trace) -> Mapping[str, object]:
 
 
 def _final(trace: Trace) -> float | None:
+    """Return the RMS residual of the last model."""
     return rms((trace.before if trace.after is None else trace.after) - trace.measured)
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TITLE = "Next experiment"
-MOST_JOINTS = 4
+MOST_JOINTS = 4  # most joints in the picture
 
 
 def context(record: Record) -> Mapping[str, object]:
@@ -42,7 +42,7 @@ def context(record: Record) -> Mapping[str, object]:
         "onward": words.onward(record.values),
         "picture": motion_picture(motion, record.evidence) if motion is not None else "",
         "seconds": plain(motion.time[-1] - motion.time[0]) if motion is not None and motion.time.size else "",
-        "own": _name(record)[1:2] == ["demo"],
+        "own": _command(record)[1:2] == ["demo"],
     }
 
 
@@ -51,7 +51,7 @@ VALIDATE = "vispeg compare model.yaml --recording NEW-RECORDING --out compared"
 GENERAL = "vispeg diagnose MODEL --recording DIR --recording NEW-RECORDING --validate DIR --out OUT-2"
 
 
-def _name(record: Record) -> list[str]:
+def _command(record: Record) -> list[str]:
     """Return the words of the command that made the record; empty if unknown."""
     command = record.mapping("provenance").get("command")
     try:
@@ -62,7 +62,7 @@ def _name(record: Record) -> list[str]:
 
 def again(record: Record, new: bool = True) -> str:
     """Return this diagnosis's command with another --out and, if `new`, a new recording; if unknown, a general one."""
-    command = _name(record)
+    command = _command(record)
     if command[1:2] != ["diagnose"]:  # another command has other arguments
         return GENERAL
     for i, word in enumerate(command):
@@ -90,11 +90,11 @@ def motion_picture(motion: NextMotion, evidence: Evidence) -> str:
 def _figure(
     motion: NextMotion, apart: np.ndarray | None, evidence: Evidence, chosen: list[int], shape: Shape
 ) -> Figure:
-    each = 1 if apart is None else 2
-    columns = 1 if shape.narrow else each
-    figure = new_figure(0.75 + 1.0 * len(chosen) * each / columns, shape.width)
-    grid = figure.subplots(len(chosen) * each // columns, columns, sharex=True, squeeze=False).reshape(
-        len(chosen), each
+    charts = 1 if apart is None else 2  # per joint
+    columns = 1 if shape.narrow else charts
+    figure = new_figure(0.75 + 1.0 * len(chosen) * charts / columns, shape.width)
+    grid = figure.subplots(len(chosen) * charts // columns, columns, sharex=True, squeeze=False).reshape(
+        len(chosen), charts
     )
     for row, j in zip(grid, chosen, strict=True):
         row[0].plot(*thin(motion.time, motion.command[:, j]), color=MEASURED, linewidth=1.2)

@@ -13,8 +13,8 @@ from vispeg.report.text.camera_words import confounded
 
 TITLE = "Pictures, measured and rendered"
 VIEWS = 8  # most views that are shown
-SHOWN = 4.0  # factor by which displacements are drawn enlarged
-DARK, LIGHT = (216, 27, 96), (0, 150, 136)  # colours of edges before and after
+ENLARGED = 4.0  # factor by which displacements are drawn
+PINK, TEAL = (216, 27, 96), (0, 150, 136)  # colours of edges before and after
 LEAST = 0.5  # px, smallest displacement drawn as a line
 UNUSUAL = 0.8  # a sensor's figure is shown above this multiple of the usual value
 AWAY = 12.0  # mm, depth difference drawn in full red or blue
@@ -57,7 +57,7 @@ def _row(arrays: Mapping[str, np.ndarray], name: str) -> Mapping[str, object] | 
     for word, said in (("measured", "measured"), ("before", "as believed"), ("after", "as found")):
         if name + word in arrays:
             colours.append({"src": _png(arrays[name + word]), "said": said})
-    for word, colour, said in (("before", DARK, "off, as believed"), ("after", LIGHT, "off, as found")):
+    for word, colour, said in (("before", PINK, "off, as believed"), ("after", TEAL, "off, as found")):
         if name + f"along_{word}" in arrays:
             colours.append({"src": _png(_drawn(measured, arrays, name, word, colour)), "said": said})
     if name + "depth" in arrays:
@@ -76,13 +76,13 @@ def _row(arrays: Mapping[str, np.ndarray], name: str) -> Mapping[str, object] | 
 def _drawn(
     measured: np.ndarray, arrays: Mapping[str, np.ndarray], name: str, word: str, colour: tuple[int, int, int]
 ) -> np.ndarray:
-    """Draw on the pale measured image a line from each border point to its edge, `SHOWN` times as long.
+    """Draw on the pale measured image a line from each border point to its edge, `ENLARGED` times as long.
 
     Args:
         measured: (H, W, 3) uint8.
         arrays: with `pixel` (n, 2) px, `normal` (n, 2) and `along_{word}` (n,) px, the edge along the normal.
             A point within `LEAST` of its edge is drawn as a dot, and so is one without an edge (NaN).
-        name: what the arrays' keys begin with.
+        name: prefix of the arrays' keys, such as `view/0/`.
         word: the model, `before` or `after`.
         colour: of the lines.
 
@@ -98,7 +98,7 @@ def _drawn(
     along = np.nan_to_num(arrays[name + f"along_{word}"])
     for at, n, off in zip(arrays[name + "pixel"], arrays[name + "normal"], along, strict=True):
         start = tuple(int(round(v)) for v in scale * (at + 0.5) - 0.5)
-        end = tuple(int(round(v)) for v in scale * (at + SHOWN * off * n + 0.5) - 0.5)
+        end = tuple(int(round(v)) for v in scale * (at + ENLARGED * off * n + 0.5) - 0.5)
         if abs(off) > LEAST:
             cv2.line(out, start, end, colour, 1, cv2.LINE_AA)
         else:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TITLE = "Wrench, measured against model"
-MOST = 3
+MOST = 3  # most recordings drawn
 AXES = "xyz"
 PHASES = tuple(map(day, ("pale", "lagoon", "violet", "sand", "wine")))  # in the order of their names
 
@@ -59,10 +59,9 @@ def _picture(force: Trace, torque: Trace, names: list[str], i: int) -> str:
 
 
 def _figure(force: Trace, torque: Trace, codes: np.ndarray, names: list[str], shape: Shape) -> Figure:
-    rows = 7
     figure = new_figure(6.2 if shape.narrow else 6.8, shape.width)
-    heights = [1.0] * 6 + [0.45]
-    axes = figure.subplots(rows, 1, sharex=True, gridspec_kw={"height_ratios": heights})
+    heights = [1.0] * 6 + [0.45]  # three forces, three torques, the phases
+    axes = figure.subplots(len(heights), 1, sharex=True, gridspec_kw={"height_ratios": heights})
     for k, (trace, unit) in enumerate(((force, "N"), (torque, "N m"))):
         for j, axis in enumerate(AXES):
             ax = axes[3 * k + j]

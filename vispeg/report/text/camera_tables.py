@@ -8,7 +8,7 @@ from typing import Any
 from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
 
-DEGREES = 57.29578
+DEGREES = 57.29578  # per radian
 HEADS = {"reprojection_px": "reprojection px", "through_robot_px": "through robot px", "misfit": "misfit sigma"}
 
 
@@ -24,26 +24,27 @@ def calibration_summary(results: Mapping[str, Any]) -> list[Block]:
 
 
 def _numbers(results: Mapping[str, Any]) -> list[list[str]]:
-    inner, eye = results["intrinsics"], results["hand_eye"]
+    intrinsics, hand_eye = results["intrinsics"], results["hand_eye"]
     rows: list[list[str]] = []
-    half = inner.get("half_width_95", {})
-    for key, value in inner["values"].items():
-        free = half.get(key, 0.0) > 0
+    half_widths = intrinsics.get("half_width_95", {})
+    for key, value in intrinsics["values"].items():
+        free = half_widths.get(key, 0.0) > 0
         if value != 0 or free:
-            width = f"+- {half[key]:.2g}" if free else "given" if not inner["fitted"] else "held"
+            width = f"+- {half_widths[key]:.2g}" if free else "held" if intrinsics["fitted"] else "given"
             rows.append([key, f"{value:.5g}", width, "px" if key in ("fx", "fy", "cx", "cy") else ""])
-    if eye is not None:
-        for axis, value, width in zip("xyz", eye["pos_m"], eye["half_width_95"]["pos_m"], strict=True):
-            rows.append([f"{axis} on {eye['parent']}", f"{1e3 * value:.2f}", f"+- {1e3 * width:.2g}", "mm"])
-        for axis, width in zip("xyz", eye["half_width_95"]["turn_rad"], strict=True):
+    if hand_eye is not None:
+        for axis, value, width in zip("xyz", hand_eye["pos_m"], hand_eye["half_width_95"]["pos_m"], strict=True):
+            rows.append([f"{axis} on {hand_eye['parent']}", f"{1e3 * value:.2f}", f"+- {1e3 * width:.2g}", "mm"])
+        for axis, width in zip("xyz", hand_eye["half_width_95"]["turn_rad"], strict=True):
             rows.append([f"turn about its {axis}", "", f"+- {DEGREES * width:.2g}", "deg"])
-        rows.append(["quaternion wxyz", " ".join(f"{value:.4f}" for value in eye["quat_wxyz"]), "", ""])
+        rows.append(["quaternion wxyz", " ".join(f"{value:.4f}" for value in hand_eye["quat_wxyz"]), "", ""])
     return rows
 
 
 def _effect(effect: Mapping[str, Any]) -> str:
     """Return an effect's value, and the scatter of the board's origin with the corrected and with the given square."""
-    (name, v), (before, after) = *effect["params"].items(), effect["board_scatter_mm"]
+    ((name, v),) = effect["params"].items()
+    before, after = effect["board_scatter_mm"]
     value = f"{effect['effect']}({effect['where']}): {name} {v['value']:.3f} [{v['low']:.3f}, {v['high']:.3f}]"
     return (
         f"{value}; with --square {effect['square_m']:.4g} the board's origin scatters {after:.1f} mm, not {before:.1f}"
@@ -51,10 +52,10 @@ def _effect(effect: Mapping[str, Any]) -> str:
 
 
 def _line(results: Mapping[str, Any]) -> str:
-    inner, eye = results["intrinsics"], results["hand_eye"]
-    line = f"{results['images']['used']} images, reprojection {inner['reprojection_px']:.2f} px RMS"
-    if eye is not None:
-        robot = eye["robot_error"]
-        line += f", board origin scatter {eye['board_scatter_mm']:.1f} mm RMS"
+    intrinsics, hand_eye = results["intrinsics"], results["hand_eye"]
+    line = f"{results['images']['used']} images, reprojection {intrinsics['reprojection_px']:.2f} px RMS"
+    if hand_eye is not None:
+        robot = hand_eye["robot_error"]
+        line += f", board origin scatter {hand_eye['board_scatter_mm']:.1f} mm RMS"
         line += f"; robot's own error about {robot['mm']:.2g} mm, {robot['deg']:.2g} deg"
     return line

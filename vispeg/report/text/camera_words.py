@@ -41,8 +41,8 @@ def projections(views: Mapping[str, Any]) -> list[str]:
         maps = [row for row in rows(views, "projection") if row["camera"] == camera]
         if any(row["rms_px"] > 0 for row in maps):
             sigma = max(row["uncertainty_px"] for row in maps)
-            said = f"the picture is shifted by {_distances(maps)} (RMS over the image, 1 sigma {sigma:.2f} px)"
-            out.append(f"{camera}: {said}")
+            shift = f"the picture is shifted by {_distances(maps)} (RMS over the image, 1 sigma {sigma:.2f} px)"
+            out.append(f"{camera}: {shift}")
     return out
 
 
@@ -50,9 +50,9 @@ def confounded(views: Mapping[str, Any]) -> list[str]:
     """Return a sentence per pair of effects that the views cannot distinguish, with a motion that would."""
     out = []
     for row in rows(views, "confounded"):
-        over = f"; over the image {_distances(rows(row, 'projection'))}" if row["projection"] else ""
+        shifts = f"; over the image {_distances(rows(row, 'projection'))}" if row["projection"] else ""
         pair = f"{row['effect']} and {row['rival']}"
-        out.append(f"{pair}: {row['views_px']:.2f} px apart in these views{over}. To tell them: {row['motion']}")
+        out.append(f"{pair}: {row['views_px']:.2f} px apart in these views{shifts}. To tell them: {row['motion']}")
     return out
 
 

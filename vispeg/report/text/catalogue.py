@@ -27,7 +27,7 @@ GROUP_WORDS = {
 def places(kind: Effect, robot: Any) -> str:
     """Return the places of an effect in short: `joint1 ... joint7, all`; at `all` they share one value.
 
-    `robot` is the arm or the cell whose joints, links or parts are its places; so it is below.
+    `robot`, here and below, is the arm or the cell whose joints, links or parts are the places.
     """
     targets = kind.targets(robot)
     if len(targets) == 1:
@@ -74,7 +74,10 @@ def describe(kind: Effect, robot: Any) -> EffectEntry:
 
 
 def print_catalogue(kinds: Sequence[Effect], models: Sequence[Any]) -> None:
-    """Print effects by family, each with summary, places in its entry of `models`, and `bounds` of its parameters."""
+    """Print effects by family, each with summary, places, and `bounds` of its parameters.
+
+    `models` has one arm or cell per effect: that on which its places are.
+    """
     from rich.text import Text
 
     console = terminal()

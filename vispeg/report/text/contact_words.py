@@ -10,6 +10,7 @@ from vispeg.report.record import rows
 from vispeg.report.text.quantities import number, plain, quantity
 from vispeg.report.text.words import NEAR_FLOOR, against_floor, change
 
+# regime in words, for all but the last regime, impact
 WHERE: dict[str, str] = dict(zip(REGIMES, ("in free air", "in presses", "in slides", "inside"), strict=False))
 LEAST = 1.2  # smallest ratio of the errors before and after that gets a sentence
 
@@ -53,11 +54,11 @@ def _worst(values: Mapping[str, Any]) -> str:
     worst = values.get("worst_left")
     if not isinstance(worst, Mapping):
         return ""
-    said = (
+    text = (
         f"; largest, {quantity(worst.get('force'), 'N')}, at {plain(worst.get('time_s'))} s of {worst.get('recording')}"
     )
     tip = worst.get("tip_m")
     if isinstance(tip, list) and len(tip) == 3:
         places = ", ".join(f"{axis} {plain(1e3 * v, 2)}" for axis, v in zip("xyz", tip, strict=True))
-        said += f" with the tip {places} mm from the goal"
-    return said
+        text += f" with the tip {places} mm from the goal"
+    return text

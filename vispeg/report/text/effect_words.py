@@ -78,7 +78,7 @@ def size(row: Mapping[str, Any]) -> str:
                 (n, p) for n, p in stated if n not in kind.params or not at_null(p, kind.params[n].null)
             ] or stated
     texts = [in_unit(p) for _, p in stated]
-    if alone and not texts[0][0].isalpha() and " " in texts[0]:
+    if alone and " " in texts[0]:  # the unit tells what the number is
         return texts[0]
     return ", ".join(f"{n.replace('_', ' ')} {text}" for (n, _), text in zip(stated, texts, strict=True))
 

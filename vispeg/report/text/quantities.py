@@ -79,8 +79,8 @@ def interval(value: Any, low: Any, high: Any) -> tuple[str, str]:
 def scaled(value: Any, low: Any, high: Any, unit: str) -> tuple[str, str, str]:
     """Return (value, interval, unit) as text, with a prefix that suits the value, or the interval if the value is 0."""
     sizes = [abs(x) for x in map(number, (value, low, high)) if x is not None]
-    span = max(sizes[1:], default=0.0) if sizes and sizes[0] == 0 else sizes[0] if sizes else 0.0
-    factor, name = prefix(span, unit)
+    size = (sizes[0] or max(sizes[1:], default=0.0)) if sizes else 0.0
+    factor, name = prefix(size, unit)
     numbers = [None if x is None else x * factor for x in map(number, (value, low, high))]
     return *interval(*numbers), name
 

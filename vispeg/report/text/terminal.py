@@ -19,7 +19,7 @@ WIDE = 34  # characters of a model's name that leave room for three columns of e
 
 
 def ladder_table(diagnosis: Mapping[str, Any]) -> Sheet:
-    """Return a table of models with errors on fitted and held-out recordings, and the latter in noise floors."""
+    """Return a table of models with errors on fitted and held-out recordings, the latter also in noise floors."""
     columns = [Column("Model"), *(Column(head, right=True) for head in ("Fitted", "Held out", "Floor"))]
     models = ladder_rows(_record(diagnosis))
     return Sheet(columns, [[_lines(row["model"]), row["fit"], row["heldout"], row["floor"] or "–"] for row in models])
@@ -79,10 +79,10 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
     if before := words.baseline(diagnosis):
         out.append(Line(before))
     out += [Line(words.fall(diagnosis)), ladder_table(diagnosis)]
-    if said := contact_words.phases(diagnosis):
-        out.append(Line(said))
-    if diagnosis.get("unexplained") and (said := contact_words.left(diagnosis)):
-        out.append(Line(said))
+    if phases := contact_words.phases(diagnosis):
+        out.append(Line(phases))
+    if diagnosis.get("unexplained") and (residual := contact_words.left(diagnosis)):
+        out.append(Line(residual))
     if diagnosis.get("by_channel"):
         out.append(channels_table(diagnosis))
     if diagnosis.get("effects"):
@@ -91,8 +91,8 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
             out.append(Line(words.PARTIAL))
         if unsure := words.tentative(diagnosis):
             out.append(Line(unsure))
-        for some in words.combinations(diagnosis):
-            out.append(Line(f"only a combination of {words.join(some)} is determined"))
+        for members in words.combinations(diagnosis):
+            out.append(Line(f"only a combination of {words.join(members)} is determined"))
         for chosen, *others in words.rivals(diagnosis):
             out.append(Line(f"{chosen} cannot be told from {words.join(others, 'or')}"))
     if diagnosis.get("restarts"):
@@ -100,21 +100,21 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
     for a, b, r in correlations(_record(diagnosis))["strong"][:3]:
         out.append(Line(f"note: {a} and {b} are correlated by {r}: trust their combination more than either"))
     noted = dict.fromkeys([*(row["said"] for row in rows(diagnosis, "windows")), *(diagnosis.get("missing") or ())])
-    out += [Line(f"note: {said}") for said in noted]
-    for record in (diagnosis, *(said["record"] for said in rows(diagnosis, "by_channel"))):
+    out += [Line(f"note: {note}") for note in noted]
+    for record in (diagnosis, *(channel["record"] for channel in rows(diagnosis, "by_channel"))):
         if hidden := unseen.sentence(record):
             out.append(Line(hidden))
         if record.get("evidence") == "contact":
             out += _closed_loop(record)
         if isinstance(views := record.get("views"), Mapping):
-            out += [Line(said) for said in (*camera_words.projections(views), *camera_words.confounded(views))]
+            out += [Line(sentence) for sentence in (*camera_words.projections(views), *camera_words.confounded(views))]
         if record.get("evidence") == "contact" or isinstance(record.get("views"), Mapping):
-            more = [note for note in dict.fromkeys(record.get("notes") or ()) if note not in noted]
-            out += [Line(f"note: {note}") for note in more]
-            noted |= dict.fromkeys(more)
+            unlisted = [note for note in dict.fromkeys(record.get("notes") or ()) if note not in noted]
+            out += [Line(f"note: {note}") for note in unlisted]
+            noted |= dict.fromkeys(unlisted)
     if diagnosis.get("verdict"):
         out.append(Line(f"next: {words.onward(diagnosis)}"))
-        out += [Line(said) for said in words.paid(diagnosis)]
+        out += [Line(sentence) for sentence in words.paid(diagnosis)]
         if price := words.price(diagnosis):
             out.append(Line(f"what the remainder costs a policy: {price}"))
     return out
@@ -137,8 +137,8 @@ def written_lines(diagnosis: Mapping[str, Any], out: Path) -> list[Line]:
     """Return lines with the paths of the next motion, if there is one, and of the report."""
     following = diagnosis.get("next_experiment")
     motion = out / str(following.get("file") or "") if isinstance(following, Mapping) else out
-    there = [Line(f"next motion: {motion}", path=True)] if motion.is_file() else []
-    return [*there, report_line(out)]
+    lines = [Line(f"next motion: {motion}", path=True)] if motion.is_file() else []
+    return [*lines, report_line(out)]
 
 
 def report_line(out: Path) -> Line:
@@ -162,7 +162,7 @@ def joints_table(comparison: Mapping[str, Any]) -> Sheet:
 
 def comparison_summary(comparison: Mapping[str, Any]) -> list[Block]:
     """Return the error in words and for each joint, and where it arises."""
-    out: list[Block] = [Line(said) for said in words.diverged(comparison)]
+    out: list[Block] = [Line(sentence) for sentence in words.diverged(comparison)]
     joints = rows(comparison, "joints")
     out += [Line(words.fall(comparison)), *([joints_table(comparison)] if joints else [])]
     worst = [
@@ -174,7 +174,7 @@ def comparison_summary(comparison: Mapping[str, Any]) -> list[Block]:
         out.append(Line(f"{whose} is at the noise floor everywhere"))
     elif worst:
         out.append(Line(f"where it fails: {'; '.join(worst[:3])}"))
-    out += [Line(said) for said in words.drifted(rows(comparison, "drift"))]
+    out += [Line(sentence) for sentence in words.drifted(rows(comparison, "drift"))]
     for other in rows(comparison, "by_channel"):
         out += [Line(f"channel {other['channel']}:"), *comparison_summary(other["record"])]
     out += [Line(sentence) for sentence in camera_words.cameras(comparison)]

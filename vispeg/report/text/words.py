@@ -81,17 +81,17 @@ def fall(values: Mapping[str, Any]) -> str:
     if last is None:
         return f"The {error_name(values).lower()} is not known."
     if len(rows(values, "ladder")) == 1 or first is None:
-        return f"{error_name(values)} is {quantity(last, unit)}{_beside(', ', last, _floor(values), unit)}."
-    moved, beside = change(first, last) or "stays", _beside(", which is ", last, _floor(values), unit)
-    return f"{error_name(values)} {moved}, from {quantity(first, unit)} to {quantity(last, unit)}{beside}."
+        return f"{error_name(values)} is {quantity(last, unit)}{_against(', ', last, _floor(values), unit)}."
+    moved, against = change(first, last) or "stays", _against(", which is ", last, _floor(values), unit)
+    return f"{error_name(values)} {moved}, from {quantity(first, unit)} to {quantity(last, unit)}{against}."
 
 
-def _beside(joint: str, error: float, floor: float | None, unit: str) -> str:
-    """Return `joint` and an error relative to the noise floor; if well below it, with an explanation."""
+def _against(lead: str, error: float, floor: float | None, unit: str) -> str:
+    """Return `lead` and an error relative to the noise floor; if well below it, with an explanation."""
     if floor is not None and 0 < error < BELOW * floor:
-        return f"{joint}below the noise floor: {quantity(floor, unit)} includes errors that these recordings lack"
+        return f"{lead}below the noise floor: {quantity(floor, unit)} includes errors that these recordings lack"
     times = against_floor(error, floor)
-    return f"{joint}{times}" if times else ""
+    return f"{lead}{times}" if times else ""
 
 
 def drifted(drift: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -131,21 +131,21 @@ def verdict(values: Mapping[str, Any]) -> str:
     kind = values.get("verdict")
     names = _names(values)
     last, floor = ladder_ends(values)[1], _floor(values)
-    down = last is not None and floor is not None and last <= NEAR_FLOOR * floor
-    there = _from_the_start(values)
+    at_floor = last is not None and floor is not None and last <= NEAR_FLOOR * floor
+    from_the_start = _from_the_start(values)
     if kind == "adequate":
-        if down or last is None or floor is None or not values.get("reason"):
+        if at_floor or last is None or floor is None or not values.get("reason"):
             return "The model is adequate: no known effect improves its prediction of the held-out recordings."
         return f"The model is adequate: {reason(values)}."
     if kind == "identified":
         verb = "explain" if len(names) > 1 else "explains"
         times = against_floor(last, floor) if last is not None else ""
         above = f"down to {times}" if times else BEST
-        reach = there or (_down(values) if down else above)
+        reach = from_the_start or (_to_the_floor(values) if at_floor else above)
         what = named(names) if names else "The model"
         return f"{what} {verb} the held-out recordings {reach}, and no rival does as well."
     if kind == "ambiguous":
-        return _ambiguous(values, there or (_down(values) if down else BEST))
+        return _ambiguous(values, from_the_start or (_to_the_floor(values) if at_floor else BEST))
     if kind == "unexplained":
         count = len(_tentative(values))
         parts = [named(names)] if names else []
@@ -205,21 +205,24 @@ def price(values: Mapping[str, Any]) -> str:
     """
     if values.get("cost"):
         return ""
-    remainder = [
-        (number(r.get("rms")) or 0.0, number(r.get("needed")) or 0.0, r.get("joint")) for r in rows(values, "remainder")
-    ]
-    worst = sorted((r for r in remainder if r[0] > 0), key=lambda r: -r[0] / max(r[1], 1e-9))[:MOST_PRICED]
-    sweeps = " ".join(f'--sweep "torque_noise@{joint}.rms=0,{rms:.2g}"' for rms, _, joint in worst)
+    missing = []
+    for row in rows(values, "remainder"):
+        rms, needed = number(row.get("rms")) or 0.0, number(row.get("needed")) or 0.0
+        if rms > 0:
+            missing.append((rms / max(needed, 1e-9), rms, row.get("joint")))
+    worst = sorted(missing, key=lambda entry: -entry[0])[:MOST_PRICED]
+    sweeps = " ".join(f'--sweep "torque_noise@{joint}.rms=0,{rms:.2g}"' for _, rms, joint in worst)
     return f"vispeg sensitivity POLICY {sweeps} --out price" if sweeps else ""
 
 
 def rivals(values: Mapping[str, Any]) -> list[list[str]]:
     """Return in words the classes of effects that the recordings cannot distinguish, the one in the model first."""
-    return [
-        [sized(effect), *map(named_effect, others)]
-        for effect in rows(values, "effects")
-        if (others := [o for o in _others(effect) if not _mutual(values, effect, o)]) and not effect.get("tentative")
-    ]
+    classes = []
+    for effect in rows(values, "effects"):
+        others = [o for o in _others(effect) if not _mutual(values, effect, o)]
+        if others and not effect.get("tentative"):
+            classes.append([sized(effect), *map(named_effect, others)])
+    return classes
 
 
 def combinations(values: Mapping[str, Any]) -> list[list[str]]:
@@ -263,8 +266,8 @@ def _mutual(values: Mapping[str, Any], effect: Mapping[str, Any], other: Mapping
         return (a.get("effect"), a.get("where")) == (b.get("effect"), b.get("where"))
 
     named_too = [e for e in rows(values, "effects") if is_at(e, other) and not e.get("tentative")]
-    here = any(is_at(o, other) for o in _others(effect))
-    return here and any(is_at(o, effect) for e in named_too for o in _others(e))
+    other_is_rival = any(is_at(o, other) for o in _others(effect))
+    return other_is_rival and any(is_at(o, effect) for e in named_too for o in _others(e))
 
 
 def depends_on(row: Mapping[str, Any]) -> str:
@@ -310,7 +313,7 @@ def _tentative(values: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [effect for effect in rows(values, "effects") if effect.get("tentative")]
 
 
-def _down(values: Mapping[str, Any]) -> str:
+def _to_the_floor(values: Mapping[str, Any]) -> str:
     """Return `down to the noise floor`, and the joint that is far above its own noise floor, if there is one."""
     far = joint_errors.farthest(values)
     return f"down to the noise floor of all joints together ({far})" if far else "down to the noise floor"
@@ -342,14 +345,14 @@ def _ambiguous(values: Mapping[str, Any], reach: str) -> str:
         ]
         kinds = join([f"{n} {kind}" for n, kind in counts if n])
         return f"{len(effects)} effects explain the held-out recordings {reach}: {kinds}."
-    beside = f", beside {join(clear)}" if clear else ""
-    either = [f"a combination of {join(some)}" for some in sets]
+    with_clear = f", beside {join(clear)}" if clear else ""
+    either = [f"a combination of {join(members)}" for members in sets]
     either += [f"{'either ' if len(c) == 2 else 'one of '}{join(c, 'or')}" for c in classes]
     who = "; and ".join(either)
-    untold = ["tell the members of a combination from each other"] if sets else []
-    untold += ["tell which"] if classes else []
-    text = f"{who[0].upper()}{who[1:]} explains the held-out recordings {reach}{beside}"
-    return f"{text}; these recordings cannot {' or '.join(untold)}."
+    not_told = ["tell the members of a combination from each other"] if sets else []
+    not_told += ["tell which"] if classes else []
+    text = f"{who[0].upper()}{who[1:]} explains the held-out recordings {reach}{with_clear}"
+    return f"{text}; these recordings cannot {' or '.join(not_told)}."
 
 
 def _depends(values: Mapping[str, Any]) -> str:
