@@ -56,6 +56,7 @@ def check(folder: str | Path, watch: Watch = lambda frames: None) -> list[str]:
 
 @enrol(CAMERA_FILE.name, _example)
 def _cameras(folder: Path) -> object:
+    """Read the file of cameras; enrolled as its reader."""
     return Dataset(folder).cameras
 
 
@@ -92,14 +93,14 @@ def _meta(data: Dataset) -> Iterator[str]:
         if None not in key and earlier.setdefault(key, i) != i:
             yield f"episode {i}: repeats episode {earlier[key]} (seed {key[0]}, look {key[1]})"
     for i in range(len(episodes) if data.cameras else 0):
-        data.drawn_cameras(i)
+        data.drawn_cameras(i)  # raises UserError if they are invalid
     for path in data.data_files:
         if others := set(data.open(path).schema_arrow.names) - set(info["features"]):
             yield f"{path}: {sorted(others)[0]}: is not among the features of meta/info.json"
     rows = sum(data.open(path).metadata.num_rows for path in data.data_files)
     if rows != len(data):
         yield f"{data.folder / 'data'}: {rows} rows; expected {len(data)}"
-    _ = data.models
+    _ = data.models  # raises UserError if one is invalid
     path = data.folder / TASKS
     tasks = values(COUNTED["task_index"], table(opened(path), path, ["task_index"])["task_index"], path, "task_index")
     total = info.get("total_tasks", len(tasks))
@@ -204,16 +205,16 @@ def _seen(data: Dataset | Stored, number: int, frames: Mapping[str, np.ndarray])
         return
     cameras = data.drawn_cameras(number) if data.models else {}
     for name, camera in cameras.items():
-        eye, deep, labels = f"label.camera.{name}", depth_of(name, frames), frames.get(f"label.parts.{name}")
+        view, depth, labels = f"label.camera.{name}", depth_of(name, frames), frames.get(f"label.parts.{name}")
         for part, site in objects(data).values():
             pose = pose_of(site, name, frames)
-            if part not in data.models or not {eye, deep, pose} <= set(frames):
+            if part not in data.models or not {view, depth, pose} <= set(frames):
                 continue
             with np.errstate(all="ignore"):  # invalid poses are reported elsewhere
-                eyes, stands = ([matrix(row) for row in frames[key]] for key in (eye, pose))
-                at = np.stack([np.linalg.inv(a) @ b for a, b in zip(eyes, stands, strict=True)])
+                views, poses = ([matrix(row) for row in frames[key]] for key in (view, pose))
+                at = np.stack([np.linalg.inv(a) @ b for a, b in zip(views, poses, strict=True)])
             mask = labels == 1 + data.parts.index(part) if labels is not None and part in data.parts else None
-            yield Seen(camera, part, frames[deep], mask, at, data.models[part])
+            yield Seen(camera, part, frames[depth], mask, at, data.models[part])
 
 
 def pictures(data: Any, frames: dict[str, np.ndarray]) -> Iterator[str]:

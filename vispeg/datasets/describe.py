@@ -103,12 +103,12 @@ def check_features(features: Any, path: Path) -> None:
 
 
 def _check_path(pattern: Any, path: Path, places: Sequence[str]) -> None:
-    """Raise UserError if `data_path` is not a path below the folder with these numbers of chunk and file."""
+    """Raise UserError if `data_path` is not a path below the folder, with placeholders among `places` only."""
     chunk, file = places
     expected = f"a file below the folder, such as data/chunk-{{{chunk}:03d}}/file-{{{file}:03d}}.parquet"
     try:
-        fields = [f for f in Formatter().parse(pattern) if f[1] is not None]
-        valid = all(n in places and not c and PLACE.fullmatch(s or "") for _, n, s, c in fields)
+        fields = [part[1:] for part in Formatter().parse(pattern) if part[1] is not None]  # without plain text
+        valid = all(key in places and not how and PLACE.fullmatch(spec or "") for key, spec, how in fields)
         name = pattern.format(**dict.fromkeys(places, 0)) if valid else ""
     except (ValueError, TypeError, IndexError, KeyError, AttributeError):
         name = ""

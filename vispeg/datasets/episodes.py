@@ -20,8 +20,10 @@ PLACES = ("episode_index", "length", "dataset_from_index", "dataset_to_index", "
 
 
 def _worlds(value: Any) -> bool:
-    effects = value.values() if isinstance(value, dict) else [value]
-    return all(isinstance(params, dict) and all(map(is_number, params.values())) for params in effects)
+    """Return whether a value is a mapping effect -> parameter -> number."""
+    if not isinstance(value, dict):
+        return False
+    return all(isinstance(params, dict) and all(map(is_number, params.values())) for params in value.values())
 
 
 KINDS: Mapping[str, Callable[[Any], bool]] = {  # column without its prefix -> test of its values

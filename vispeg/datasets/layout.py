@@ -239,6 +239,7 @@ def column(feature: Feature, values: Any) -> pa.Array:
 
 
 def _ends(count: int, each: int) -> pa.Array:
+    """Return the offsets of `count` lists of `each` entries: 0, each, 2 each and so on."""
     import pyarrow as pa
 
     return pa.array(np.arange(0, count * each + 1, each, dtype=np.int32))

@@ -58,9 +58,9 @@ def table(file: Any, path: Path, columns: list[str] | None, group: int | None = 
     size = sum(read(lambda i=i: file.metadata.row_group(i).total_byte_size, path) for i in groups)
     if size > LARGEST:
         raise UserError("states that it is too large", file=path, expected=f"at most {LARGEST} bytes", got=size)
-    there = file.schema_arrow.names
+    available = file.schema_arrow.names
     for name in columns or ():
-        if name not in there:
+        if name not in available:
             raise UserError("is missing", file=path, key=name)
     if group is None:
         return read(lambda: file.read(columns), path)
@@ -81,7 +81,7 @@ def values(feature: Feature, column: Any, path: Path, name: str) -> Any:
     import pyarrow as pa
 
     shape = tuple(feature["shape"])
-    flat, lists = column.combine_chunks(), 0
+    flat = column.combine_chunks()
     if is_image(feature):
         kind = flat.type
         if not pa.types.is_struct(kind) or kind.get_field_index("bytes") < 0:
@@ -93,7 +93,7 @@ def values(feature: Feature, column: Any, path: Path, name: str) -> Any:
         return np.array(flat.to_pylist(), object)
     rows = len(flat)
     while pa.types.is_list(flat.type) or pa.types.is_fixed_size_list(flat.type) or pa.types.is_large_list(flat.type):
-        flat, lists = flat.flatten(), lists + 1
+        flat = flat.flatten()
     each = int(np.prod(shape))
     right = {"b": pa.types.is_boolean, "i": pa.types.is_integer, "u": pa.types.is_integer}
     suits = right.get(np.dtype(feature["dtype"]).kind, lambda t: pa.types.is_floating(t) or pa.types.is_integer(t))

@@ -203,6 +203,7 @@ class Dataset:
 
     @property
     def _before(self) -> bool:
+        """Whether the dataset has an older version of the format."""
         return self.info["codebase_version"] in BEFORE
 
     def _data_file(self, e: EpisodeRow) -> Path:
@@ -250,12 +251,13 @@ class Dataset:
             self._kept.popitem(last=False)
         return self._kept[number]
 
-    def _value(self, number: int, name: str, row: int, where: str) -> np.ndarray:
+    def _value(self, number: int, name: str, row: int, place: str) -> np.ndarray:
+        """Return a feature's value in a row of an episode; pictures are decoded. An error names `place`."""
         feature, value = self.features[name], self._columns(number)[name][row]
         if not is_image(feature):
             return np.array(value)
-        image, shape = decode(value, f"{where}, {name}"), pixel_shape(feature)
+        image, shape = decode(value, f"{place}, {name}"), pixel_shape(feature)
         if image.shape != shape or image.dtype != pixel_type(feature):
             expected, got = f"{shape} {pixel_type(feature)}", f"{image.shape} {image.dtype}"
-            raise UserError("a picture of the wrong type", key=f"{where}, {name}", expected=expected, got=got)
+            raise UserError("a picture of the wrong type", key=f"{place}, {name}", expected=expected, got=got)
         return image

@@ -30,7 +30,7 @@ class PictureStats:
     """Accumulate statistics of a feature's pictures; quantiles come from histograms (depth: 1 mm bins up to 4 m)."""
 
     def __init__(self, feature: Feature):
-        self.depth, self.channels = is_depth(feature), (*feature["shape"], 1)[2]
+        self.depth, self.channels = is_depth(feature), (*feature["shape"], 1)[2]  # (H, W) has one channel
         self.shape = (-1, 1, 1) if is_image(feature) else (1, 1)
         self.bins = 4001 if self.depth else 256
         self.step = 1e-3 if self.depth else 1 / 255 if is_image(feature) else 1.0
@@ -57,8 +57,8 @@ class PictureStats:
     def _moments(self) -> None:
         """Compute the moments of 8-bit images exactly, from their histogram."""
         level = np.arange(self.bins) * self.step
-        there = self.histogram > 0
-        self.low, self.high = level[there.argmax(axis=1)], level[self.bins - 1 - there[:, ::-1].argmax(axis=1)]
+        filled = self.histogram > 0
+        self.low, self.high = level[filled.argmax(axis=1)], level[self.bins - 1 - filled[:, ::-1].argmax(axis=1)]
         self.sum, self.squares = self.histogram @ level, self.histogram @ level**2
 
     def result(self) -> Stats:

@@ -53,7 +53,8 @@ def write_bop(source: Path, out: Path) -> None:
     poses = [f"label.camera.{name}" for name in data.cameras]
     if missing := [name for name in poses if data.features.get(name, {}).get("shape") != [7]]:
         raise UserError("has no such pose, which BOP requires", file=source, key=missing[0])
-    if missing := [name for name in (depth_of(c, data.features) for c in data.cameras) if name not in data.features]:
+    depths = [depth_of(name, data.features) for name in data.cameras]
+    if missing := [name for name in depths if name not in data.features]:
         raise UserError("has no such depth, which BOP requires", file=source, key=missing[0])
     if not data.cameras:
         raise UserError("does not describe its cameras", file=source)
@@ -92,6 +93,7 @@ def _models(out: Path, data: Dataset, things: Things) -> None:
 
 
 def _scene(folder: Path, data: Dataset, things: Things, frames: dict[str, np.ndarray], camera: Camera) -> None:
+    """Write a scene: pictures, cameras, poses, and extents of visible parts where they are labelled."""
     cameras, truth, extent = {}, {}, {}
     colour, depth = colour_of(camera.name), depth_of(camera.name, frames)
     for kind in ("rgb", "depth", "mask_visib"):

@@ -70,7 +70,9 @@ def described(mesh: Mesh) -> Mapping[str, object]:
         if _same_turned(vertices, 2 * np.pi / n):
             turns = np.repeat(np.eye(4)[None], n - 1, axis=0)
             turns[:, :3, :3] = [_turn(2 * np.pi * k / n) for k in range(1, n)]
-            return out | {"symmetries_discrete": [t.ravel().tolist() for t in np.round(turns, 12) + 0.0]}
+            return out | {
+                "symmetries_discrete": [t.ravel().tolist() for t in np.round(turns, 12) + 0.0]
+            }  # -0.0 becomes 0.0
     return out
 
 

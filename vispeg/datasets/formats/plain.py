@@ -135,6 +135,7 @@ class Plain(Stored):
 
 
 def _columns(path: Path, length: int) -> dict[str, list[str]]:
+    """Read the columns of a table, name -> cells. Raises UserError: not CSV, or not `length` complete rows."""
     try:
         heads, *rows = csv.reader(io.StringIO(read_text(path, 256 * MB), newline=""))
     except csv.Error as error:

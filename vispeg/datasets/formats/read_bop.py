@@ -95,8 +95,10 @@ class Bop(Stored):
                 raise UserError("not a scale", file=path, key=f"{key}.depth_scale", expected="mm a step", got=scale)
             lens = entry.get("cam_distortion", [*PINHOLE])
             if not isinstance(lens, list) or len(lens) != len(PINHOLE) or not all(map(is_number, lens)):
-                said = "not k1, k2, p1, p2, k3"
-                raise UserError(said, file=path, key=f"{key}.cam_distortion", expected="five finite numbers", got=lens)
+                message = "not k1, k2, p1, p2, k3"
+                raise UserError(
+                    message, file=path, key=f"{key}.cam_distortion", expected="five finite numbers", got=lens
+                )
         return {int(key): record[key] for key in sorted(record, key=int)}
 
     def _camera(self, name: str, scene: Path) -> Camera:
@@ -138,6 +140,7 @@ class Bop(Stored):
                     yield Seen(camera, part, depth, mask if mask.any() else None, np.stack(at), (MM * vertices, faces))
 
     def _parts(self, scene: Path, i: int, name: str) -> np.ndarray:
+        """Return the label picture (H, W) uint8 of picture i, from the masks of its visible parts; 0 is no part."""
         feature = self.features[f"label.parts.{name}"]
         out, order = np.zeros(feature["shape"], np.uint8), list(self.objects)
         for j, entry in enumerate(self._poses(scene).get(str(i), [])):

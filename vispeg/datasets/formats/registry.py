@@ -18,6 +18,8 @@ EXPORTS: Mapping[str, Export] = {"bop": write_bop, "folder": write_plain}
 
 
 def _as(layout: str) -> Example:
+    """Return the function that writes the example dataset in a layout."""
+
     def example(folder: Path) -> Path:
         (new := folder / layout).mkdir()
         with TemporaryDirectory() as place:

@@ -30,7 +30,7 @@ def local(
 
     Args:
         shards: the shards to make.
-        source, plan, layout: content and format of the data set.
+        source, plan, layout: content and format of the dataset.
         workers: number of processes; 0 works in this process.
         tick: called with the number of frames just done.
 
@@ -78,6 +78,7 @@ _TICKS: Any = None
 
 
 def _listen(ticks: Any) -> None:
+    """Keep the queue of progress reports in this worker process."""
     global _TICKS
     _TICKS = ticks
 
@@ -87,6 +88,7 @@ def _make(source: Source, plan: Plan, layout: Layout, shard: Shard) -> bytes:
 
 
 def _drain(ticks: Any, tick: Callable[[int], None]) -> None:
+    """Pass on the progress reports that have come."""
     while not ticks.empty():
         tick(ticks.get())
 

@@ -108,4 +108,4 @@ def shard_frames(pixels: int) -> int:
     Args:
         pixels: number of pixels of a frame, of all cameras together.
     """
-    return int(np.clip(SHARD_BYTES // (8 * pixels), 8, SHARD_FRAMES))
+    return int(np.clip(SHARD_BYTES // (8 * pixels), 8, SHARD_FRAMES))  # bytes a pixel: colour 3, depth 4, part 1

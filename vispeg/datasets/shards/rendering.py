@@ -111,10 +111,8 @@ class _Placer:
 
 def _begin(work: Path, plan: Plan) -> None:
     """Make the folder of a rendering, or check that an existing one has the same plan."""
-    path, now = (
-        work / PLAN,
-        {**plan.to_json(), "layout": LAYOUT, **{f"version of {name}": version_of(name) for name in VERSIONS}},
-    )
+    path = work / PLAN
+    now = {**plan.to_json(), "layout": LAYOUT, **{f"version of {name}": version_of(name) for name in VERSIONS}}
     if work.is_dir():
         remove_abandoned(path)  # left if an earlier run was killed while it wrote this first file
     if not work.exists() or not any(work.iterdir()):
