@@ -84,13 +84,13 @@ def _kind_of_folder(path: Path) -> Kind | None:
 
 def around(folder: Path) -> Around:
     """Find everything of a known kind in a folder; skip hidden folders and those of other programs."""
-    out, left, level = Around(), MOST, [folder]
+    out, remaining, level = Around(), MOST, [folder]
     for _ in range(DEEPEST + 1):
         below: list[Path] = []
         for path in level:
             for child in _children(path):
-                left -= 1
-                if left < 0:
+                remaining -= 1
+                if remaining < 0:
                     out.more = True
                     return out
                 kind = kind_of(child)

@@ -13,7 +13,7 @@ CHOOSE = "choose"
 
 
 class Choice:
-    """Its elements are added to the part of the page that is being built.
+    """Add the list and the field to the part of the page that is being built.
 
     Args:
         place: what all pages share: server, folder of results, 3D view.
@@ -36,8 +36,9 @@ class Choice:
         path: bool = True,
     ):
         self.kind: Kind = kind
-        self.place, self.names, self.told = place, dict(names), chosen
+        self.place, self.names, self.chosen = place, dict(names), chosen
         self.none = {} if first else {CHOOSE: ""}
+        # values that are neither found nor of the package: label -> value
         self.more: dict[str, str] = {} if not first or first in self.names.values() else {first: first}
         self.offers: dict[str, str] = {}
         self.list: Any = place.gui.add_dropdown(label, (CHOOSE,))
@@ -45,7 +46,7 @@ class Choice:
         self.refresh()
         if first:
             self.list.value = next(offer for offer, value in self.offers.items() if value == first)
-        self.list.on_update(lambda _: self._chosen())
+        self.list.on_update(lambda _: self._choose())
         if self.typed is not None:
             self.typed.on_update(lambda _: self._typed())
 
@@ -76,9 +77,9 @@ class Choice:
         """Return every value that is offered."""
         return [value for value in self.offers.values() if value]
 
-    def _chosen(self) -> None:
+    def _choose(self) -> None:
         if self.value:
-            self.told(self.value)
+            self.chosen(self.value)
 
     def _typed(self) -> None:
         path = str(self.typed.value)

@@ -28,7 +28,7 @@ class DataPage(Page):
     def __init__(self, place: Place, dataset: str = ""):
         self.place, gui = place, place.gui
         self.holding: Holding | None = None
-        self.waits = False
+        self.waits = False  # whether a frame was requested while the worker was busy
         self.root = gui.add_folder(None)
         with self.root:
             self.guide = gui.add_html("")
@@ -106,14 +106,16 @@ class DataPage(Page):
 
     def _guided(self) -> None:
         """Say what to do next, and show the controls of an open dataset."""
-        there = self.holding is not None
-        self.steps.visible = self.same.visible = there
-        self.left.visible = there and self.visible
-        self.make.visible = not there and not self.folder.found()
-        none = "There is no dataset under this folder. Render a small one, or name the path of one."
-        some = "Choose a dataset: LeRobot's layout, BOP's, or plain PNG and CSV files."
-        open_now = "Step through frames and episodes; `All draws` shows what varied."
-        text = open_now if there else some if self.folder.found() else none
+        opened, offered = self.holding is not None, bool(self.folder.found())
+        self.steps.visible = self.same.visible = opened
+        self.left.visible = opened and self.visible
+        self.make.visible = not opened and not offered
+        if opened:
+            text = "Step through frames and episodes; `All draws` shows what varied."
+        elif offered:
+            text = "Choose a dataset: LeRobot's layout, BOP's, or plain PNG and CSV files."
+        else:
+            text = "There is no dataset under this folder. Render a small one, or name the path of one."
         self.guide.content = html.next_step("Frames, and what was drawn for them", text)
 
     def _make(self) -> None:
@@ -142,6 +144,7 @@ class DataPage(Page):
             self.facts.content = html.frame(frame, self.holding)
 
     def _to_episode(self) -> None:
+        """Show the first frame of the chosen episode, unless the shown frame is in it."""
         if self.holding is None:
             return
         start = self.holding.starts[min(int(self.episode.value), len(self.holding.starts) - 1)]

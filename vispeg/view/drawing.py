@@ -68,8 +68,8 @@ class Drawing:
         """Add triangles to a body's frame."""
         if body not in self.frames:
             self.frames[body] = self.scene.add_frame(f"{self.name}/body{body}", show_axes=False)
-        way = f"{self.name}/body{body}/{name}"
-        self.scene.add_mesh_simple(way, *shape, color=colour, opacity=look.opacity, side="double", **at)
+        path = f"{self.name}/body{body}/{name}"
+        self.scene.add_mesh_simple(path, *shape, color=colour, opacity=look.opacity, side="double", **at)
 
     def pose(self, qpos: np.ndarray, bodies: Mapping[str, np.ndarray] | None = None) -> None:
         """Move the model to the configuration (nq,), and bodies to poses (7,) in their parents: m, then w x y z."""

@@ -16,7 +16,7 @@ FOLDER = "dropped"
 
 
 class Drop:
-    """Its elements are added to the part of the page that is being built.
+    """Add the button to the part of the page that is being built.
 
     Args:
         place: what all pages share: server, folder of results, 3D view.

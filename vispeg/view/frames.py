@@ -71,10 +71,16 @@ class Frames:
         self.tell("say", "reading the dataset")
         data = self.data = open_dataset(folder)
         self.limits = depth_range(data, [data[i] for i in chosen(data, SAMPLED)])
-        starts, worlds = (e["dataset_from_index"] for e in data.episodes), (_drawn(dict(e)) for e in data.episodes)
-        fps = data.info.get("fps")
-        lists = tuple(starts), tuple(data.cameras), tuple(data.parts), fps, tuple(worlds)
-        self.tell("dataset", Holding(data.folder.resolve().name, len(data), *lists))
+        holding = Holding(
+            name=data.folder.resolve().name,
+            frames=len(data),
+            starts=tuple(e["dataset_from_index"] for e in data.episodes),
+            cameras=tuple(data.cameras),
+            parts=tuple(data.parts),
+            fps=data.info.get("fps"),
+            worlds=tuple(_drawn(dict(e)) for e in data.episodes),
+        )
+        self.tell("dataset", holding)
         self.frame(0)
 
     def render(self, out: Path) -> str:
@@ -91,7 +97,9 @@ class Frames:
         starts = [e["dataset_from_index"] for e in data.episodes]
         k = bisect_right(starts, number) - 1
         facts = [("outcome", str(dict(data.episodes[k]).get(f"{OWN}category") or "")), *_numbers(frame)]
-        drawn = [(label, ", ".join(f"{n} {plain(v)}" for n, v in some.items())) for label, some in _drawn_of(data, k)]
+        drawn = [
+            (label, ", ".join(f"{n} {plain(v)}" for n, v in params.items())) for label, params in _drawn_of(data, k)
+        ]
         pictures = {label: picture for name in data.cameras for label, picture in self._views(frame, name)}
         self.tell("frame", Frame(number, k, number - starts[k], pictures, [f for f in facts if f[1]], drawn))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,7 +14,7 @@ LEAST = 192  # px; smaller pictures are enlarged to at least this height
 
 
 class Gallery:
-    """Its elements are added to the part of the page that is being built."""
+    """Add the pictures to the part of the page that is being built."""
 
     def __init__(self, place: Place):
         self.place, self.root = place, place.gui.add_folder(None)
@@ -24,7 +25,7 @@ class Gallery:
         for key in [key for key in self.images if key not in pictures]:
             self.images.pop(key).remove()
         for key, image in pictures.items():
-            times = max(1, -(-LEAST // image.shape[0]))
+            times = max(1, math.ceil(LEAST / image.shape[0]))
             large = image.repeat(times, axis=0).repeat(times, axis=1)
             if key in self.images:
                 self.images[key].image = large

@@ -44,8 +44,8 @@ def free_port(asked: int | None) -> int:
                 why = error
         if asked is not None:
             taken = why.errno == errno.EADDRINUSE
-            said = "something listens there already" if taken else (why.strerror or str(why)).lower()
-            raise UserError(said, key="--port", expected="a free port, or none, for the first free one", got=asked)
+            reason = "something listens there already" if taken else (why.strerror or str(why)).lower()
+            raise UserError(reason, key="--port", expected="a free port, or none, for the first free one", got=asked)
     raise UserError("no port is free", key="--port", expected=f"one of {PORT} to {PORT + NEXT - 1}, or another")
 
 
@@ -91,8 +91,8 @@ class Gate:
         port = connection.local_address[1]
         response = plain(connection, request)
         if response is None:  # a websocket begins
-            own = request.headers.get_all("Origin") == [f"http://{HOST}:{port}"]
-            return None if own else connection.respond(HTTPStatus.FORBIDDEN, REFUSED)
+            same_origin = request.headers.get_all("Origin") == [f"http://{HOST}:{port}"]
+            return None if same_origin else connection.respond(HTTPStatus.FORBIDDEN, REFUSED)
         if "websocket" not in query:  # the toolkit's script reads its server's address here
             to = {"token": self.token, "websocket": f"ws://{HOST}:{port}/?{urlencode({'token': self.token})}"}
             response = connection.respond(HTTPStatus.FOUND, "")
@@ -123,7 +123,9 @@ def limit_uploads(server: Any, most: int = UPLOADS) -> None:
     """
     from viser import _messages as messages
 
-    gui, link, room, arriving = server.gui, server.gui._websock_interface, [most], dict[str, int]()
+    gui, link = server.gui, server.gui._websock_interface
+    room = [most]  # bytes that may still come; a list, because the handlers change it
+    arriving: dict[str, int] = {}  # upload -> bytes that are still announced
     begin, part = gui._handle_file_transfer_start, gui._handle_file_transfer_part
 
     def begun(client: int, message: Any) -> None:

@@ -44,9 +44,9 @@ def below() -> str:
 
 def window(target: str) -> str:
     """Return the script that runs once per window (window.js); it writes into the field whose label is for `target`."""
-    made = templates("vispeg.view")
-    assert made.loader is not None
-    script, _, _ = made.loader.get_source(made, "window.js")
+    environment = templates("vispeg.view")
+    assert environment.loader is not None
+    script, _, _ = environment.loader.get_source(environment, "window.js")
     return _page("window", target=target, script=script)
 
 
@@ -89,7 +89,7 @@ def ladder(standing: Standing) -> str:
     """Return the present error, and its decrease model by model."""
     errors = [rung.error for rung in standing.ladder]
     high, low = max(errors), min([*errors, standing.floor or min(errors)]) / 1.6
-    low = min(low, high / 10) or 1e-12
+    low = min(low, high / 10) or 1e-12  # the bars have a logarithmic axis of at least a decade
 
     def at(value: float) -> float:
         return round(100 * float(np.clip(np.log(value / low) / np.log(high / low), 0, 1)), 1) if value > 0 else 0.0
@@ -121,6 +121,10 @@ def heat(standing: Standing, axis: str, chosen: str, target: str) -> str:
 
 
 def _cell(standing: Standing, field: Field, j: int, i: int, top: float, column: str) -> dict[str, str] | None:
+    """Return the button of column j in cell i, coloured on a log scale from 1 to `top`; None for an empty cell.
+
+    `go` is the text that it writes into the field.
+    """
     value = float(field.now[j, i])
     if not np.isfinite(value) or not np.isfinite(field.moment[j, i]).all():
         return None
@@ -136,7 +140,7 @@ def _cell(standing: Standing, field: Field, j: int, i: int, top: float, column: 
 
 
 def _shade(share: float) -> tuple[str, bool]:
-    """Return a colour of the reports' scale, and whether it is dark."""
+    """Return a colour of the reports' scale, and whether it is so dark that text on it must be white."""
     parts = np.array([[int(c[k : k + 2], 16) for k in (1, 3, 5)] for c in SHADES], float)
     x = share * (len(parts) - 1)
     k = min(int(x), len(parts) - 2)
@@ -145,7 +149,7 @@ def _shade(share: float) -> tuple[str, bool]:
 
 
 def tried(trials: list[Tried], said: list[str], unit: str) -> str:
-    """Return the fitted candidates with their errors and reasons for refusal, the newest first, and the log lines."""
+    """Return the fitted candidates with errors and reasons for refusal, the newest first, and the log lines `said`."""
     rows = []
     for t in reversed(trials):
         factor, name = prefix(max(t.before, t.after), unit)
@@ -166,6 +170,7 @@ def episode(sides: list[tuple[str, Moment, str]]) -> str:
 
 
 def _three(values: np.ndarray) -> str:
+    """Return the numbers of a vector, with signs and one decimal."""
     return ", ".join(f"{v:+.1f}" for v in values)
 
 
@@ -206,12 +211,12 @@ def _numbers(state: State) -> dict[str, object]:
 def trials(said: Mapping[str, Said]) -> str:
     """Return the trials of a folder, the newest first, and the number of successes."""
     rows = []
-    for name, one in reversed([*said.items()]):
-        o, t = one.outcome, one.timing
+    for name, trial in reversed([*said.items()]):
+        o, t = trial.outcome, trial.timing
         force = "" if o.peak_force_n is None else f"{o.peak_force_n:.0f} N"
         late = f"{t.missed} of {t.steps}" if t.steps else ""
         rows.append((name, o.category, o.success, f"{o.time_s:.1f} s", force, late, o.why or ""))
-    return _page("trials", rows=rows, good=sum(one.outcome.success for one in said.values()))
+    return _page("trials", rows=rows, good=sum(trial.outcome.success for trial in said.values()))
 
 
 def film(name: str, data: bytes) -> str:

@@ -45,11 +45,11 @@ class ImportPage(Page):
     def __init__(self, place: Place, logs: Sequence[Path], model: str, written: Callable[[Path], None]):
         self.place, gui, self.written = place, place.gui, written
         self.proposed: Proposed | None = None
-        self.seen: Look | None = None
+        self.seen: Look | None = None  # the preview
         self.asked = Path(), ""  # the log and the model of the proposal
         self.units: dict[str, Any] = {}
-        self.there: dict[str, Path] = {}
-        self.filling = False
+        self.there: dict[str, Path] = {}  # label -> log found in the working folder
+        self.filling = False  # whether fields are being set to proposed values: then their updates ask for no preview
         self.root = gui.add_folder(None)
         with self.root:
             self.guide = gui.add_html(html.next_step("A log becomes a recording", NEXT))
@@ -233,6 +233,7 @@ class ImportPage(Page):
         return MODES[str(self.mode.value)]
 
     def _moded(self) -> None:
+        """Show the fields that the chosen controller has."""
         held = self._mode() == "position"
         self.kp.visible = self.kd.visible = held
         self.gravity.visible = self._mode() not in ("unknown", "servo")
@@ -263,6 +264,7 @@ class ImportPage(Page):
         return numbers * (joints if len(numbers) == 1 else 1)
 
     def _again(self) -> None:
+        """Request a preview with the page's present choices."""
         if self.filling or self.proposed is None:
             return
         try:
@@ -296,6 +298,7 @@ class ImportPage(Page):
         self.job.ask("write", *self.asked, columns, self._out(), self._replaces(), self._topics())
 
     def _plotted(self) -> None:
+        """Plot the chosen signal of the preview."""
         look = self.seen
         if look is None or self.signal.value not in look.signals:
             return

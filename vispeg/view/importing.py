@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -120,13 +121,13 @@ class Importer:
         arm = load(robot)
         mapping = map_from(columns, source, arm.joints)
         rec = read_source(source, placed(robot), arm.joints, mapping, limits=Limits.of(arm), topics=topics)
-        every = slice(None, None, max(1, -(-len(rec.time) // MOST)))
-        recorded = {name: getattr(rec, name)[every] for name in SIGNALS if getattr(rec, name) is not None}
+        shown = slice(None, None, max(1, math.ceil(len(rec.time) / MOST)))
+        recorded = {name: getattr(rec, name)[shown] for name in SIGNALS if getattr(rec, name) is not None}
         signals = {name: value for name, value in recorded.items() if value.ndim == 2}
-        degrees = str(columns.get(f"q.{rec.joints[0]}", {})).find("deg") >= 0
+        degrees = "deg" in str(columns.get(f"q.{rec.joints[0]}", {}))  # the map states the unit of the angles
         found = doubts(rec, Limits.of(arm, rec.joints), degrees, needs_of(load_for(rec.joints, robot), rec))
         lines = tuple(f"{d.key}: {d.said}" + (f" (likely {d.likely})" if d.likely else "") for d in found)
-        self.tell("look", Look(rec.time[every], tuple(rec.joints), signals, rec.rate_hz, len(rec.time), lines))
+        self.tell("look", Look(rec.time[shown], tuple(rec.joints), signals, rec.rate_hz, len(rec.time), lines))
 
     def write(
         self,

@@ -76,10 +76,11 @@ class Job:
             worker.stop()
 
     def _fresh(self) -> None:
+        """Start the process that `begin` described, and repeat its first requests; do nothing before `begin`."""
         with self.lock:
             if self.start is None:
                 return
-            mine: list[Worker] = []
+            mine: list[Worker] = []  # the new worker, once it exists: messages may come before
 
             def heard(kind: Kind, name: str, value: Any) -> None:
                 with self.hearing:
@@ -93,6 +94,7 @@ class Job:
         self._shown()
 
     def _heard(self, kind: Kind, name: str, value: Any) -> None:
+        """Handle a message from the process, see `Worker`."""
         if kind == "told" and name == "say":
             self.said.append(str(value))
             self.line.content = html.note(str(value))

@@ -130,13 +130,12 @@ class PolicyPage(Page):
             k, model, world = value
             side = self.sides[k]
             side.world = world
-            colours = {g: c for g, c in COLOURS.items()}
             if self.visible:
                 self.place.stage.rest(False)
                 if not self.fills:
                     self.place.look(CELL)
             self.fills = True
-            side.cell = Drawing(self.place.server.scene, f"/cell{k}", model, colours=_rgb(colours))
+            side.cell = Drawing(self.place.server.scene, f"/cell{k}", model, colours=_rgb(COLOURS))
             side.cell.root.position = (0.0, -APART * k, 0.0)
             side.cell.show(self.visible)
         elif name == "moment":
@@ -234,7 +233,7 @@ class PolicyPage(Page):
         while self.playing and int(self.slider.value) < self.slider.max:
             self.slider.value = int(self.slider.value) + 1
             self.draw()
-            time.sleep(0.16)
+            time.sleep(0.16)  # s, a step of the policy
         self.playing, self.play.label = False, "Play"
 
     def _commands(self, where: tuple[str, ...], seed: int) -> None:

@@ -14,7 +14,7 @@ from vispeg.core.errors import UserError
 from vispeg.formats.guard import MB, read_text
 
 TABLE, BEGUN, CHECKPOINTS, FILMS = "progress.csv", "begun.json", "checkpoints", "films"
-FILM_BYTES = 8 * MB
+FILM_BYTES = 8 * MB  # largest film that the page embeds
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ def read(folder: Path) -> Run:
     inside = [p for p in (folder / CHECKPOINTS).glob("*") if (p / "policy.json").is_file()]
     order = sorted(inside, key=lambda p: (p.name != "best", -p.stat().st_mtime))
     films = sorted((folder / FILMS).glob("*.mp4"))
-    said = str(rows[-1].get("failures") or "") if rows else ""
-    return Run(folder, curves, said, tuple(p.name for p in order), tuple(films))
+    failures = str(rows[-1].get("failures") or "") if rows else ""
+    return Run(folder, curves, failures, tuple(p.name for p in order), tuple(films))
 
 
 def film(path: Path) -> bytes:

@@ -194,6 +194,7 @@ class RunPage(Page):
         self._guided()
 
     def _trained(self) -> None:
+        """Show the error of a training that failed, or choose its run once that exists."""
         out = self.place.out / "runs" / "first"
         assert self.trainer is not None and self.trainer.stderr is not None
         if self.trainer.poll() not in (None, 0):
@@ -211,6 +212,7 @@ class RunPage(Page):
             self.trainer.wait()
 
     def _drawn(self, runs: list[Run]) -> None:
+        """Draw the curves of one run, or one curve of each of several."""
         names = html.distinct([str(run.folder) for run in runs])
         for title, columns in CURVES.items():
             if title in self.plots:
@@ -253,6 +255,7 @@ class RunPage(Page):
         self.commands.content = html.commands([command_line(["vispeg", *line]) for line in lines])
 
     def _screened(self) -> None:
+        """Show the chosen film."""
         files = {} if self.latest is None else {f.name: f for f in self.latest.films}
         if self.film.value not in files:
             return
@@ -276,4 +279,5 @@ def _line(run: Run, column: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _size(run: Run | None) -> tuple[str, int, str]:
+    """Return what changes if a run writes a row: if it is unchanged, the curves are not drawn again."""
     return ("", 0, "") if run is None else (str(run.folder), len(run.curves.get("steps", ())), run.failures)

@@ -87,9 +87,9 @@ class Draws:
             outside = env.render()
             pictures = {"from outside": outside[0]} if outside is not None else {}
             pictures |= {key: picture_of(key, value[0]) for key, value in obs.items() if kind_of(key) is not None}
-            said = [in_words(label, some) for label, some in values.items()]
+            drawn = [in_words(label, params) for label, params in values.items()]
             bodies = {name: np.asarray(place) for name, place in snapshot.bodies.items()}
-            self.tell("drawn", Drawn(compiled(env.sim.scene), snapshot.qpos, bodies, pictures, said))
+            self.tell("drawn", Drawn(compiled(env.sim.scene), snapshot.qpos, bodies, pictures, drawn))
         finally:
             env.close()
 

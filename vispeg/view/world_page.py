@@ -79,7 +79,7 @@ class WorldPage(Page):
     def draw(self) -> None:
         """Draw the first episode of the command; if another is being drawn, do it afterwards."""
         self._commands()
-        if self.job.worker is not None and self.job.worker.busy:
+        if self.job.busy:
             self.again = True
             return
         self.again = False
@@ -122,7 +122,7 @@ class WorldPage(Page):
     def _moved(self) -> dict[tuple[str, str, str], tuple[float, float]]:
         """Return the ranges whose sliders were moved: effect, place, parameter -> ends."""
 
-        def moved(r: Range, s: Any) -> bool:
+        def moved(r: Range, s: Any) -> bool:  # by more than the slider rounds
             step = (r.most - r.least) / STEPS
             return abs(s.value[0] - r.low) > 0.6 * step or abs(s.value[1] - r.high) > 0.6 * step
 
@@ -137,12 +137,12 @@ class WorldPage(Page):
         for r in ranges:
             by_effect.setdefault((r.effect, r.where), []).append(r)
         with self.ranges:
-            for (name, where), some in by_effect.items():
+            for (name, where), group in by_effect.items():
                 label = effect_words.named({"effect": name, "where": where})
                 folder = self.place.gui.add_folder(label, expand_by_default=len(by_effect) < 8)
                 self.folders.append(folder)
                 with folder:
-                    for r in some:
+                    for r in group:
                         unit = f" ({r.unit})" if r.unit not in ("", "1") else ""
                         step = float(f"{(r.most - r.least) / STEPS:.1g}")
                         slider = self.place.gui.add_multi_slider(

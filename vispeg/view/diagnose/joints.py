@@ -36,12 +36,12 @@ class Joints(Plain):
         self.recordings, self.search = (*inputs.fitted, *inputs.held_out), None
         if progress is None:
             self.judged = without_drift(evidence_for(inputs.fitted, threads, beside=self.recordings), inputs.world)
-        else:  # as the command does
+        else:  # as `vispeg diagnose` does
             parts = sides(inputs.world, inputs.fitted, inputs.held_out, threads)
             if parts.roles is not None:
                 say(parts.roles.note)
             self.recordings, self.judged = (*parts.fitted, *parts.held_out), parts.judged
-            # worked out at the first step, once
+            # computed once, at the first step
             proposed = cache(lambda: placed(propose(inputs.world, parts.fitted, parts.held_out)))
             self.search = Search(parts.evidence, Judge(parts.judged), say, parts.part(progress), proposed)
         self.unit, self.columns = self.judged.unit, self.joints

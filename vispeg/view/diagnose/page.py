@@ -51,9 +51,10 @@ class StudyPage(Page):
         self.candidates: list[Any] = []
         self.tried: list[Tried] = []
         self.roles: dict[Path, Any] = {}
-        self.compared: tuple[str, tuple[Path, ...], tuple[Path, ...]] = model, (), ()  # in the last comparison
+        # model, fitted and held-out recordings of the last comparison
+        self.compared: tuple[str, tuple[Path, ...], tuple[Path, ...]] = model, (), ()
         self.models: dict[str, str] = {}
-        self.there: dict[str, list[Path]] = {}
+        self.there: dict[str, list[Path]] = {}  # label -> recordings found in the working folder
         self.drawn, self.written_to, self.window = 0, None, None
         self.root = gui.add_folder(None)
         with self.root:
@@ -298,6 +299,7 @@ class StudyPage(Page):
             self.open(str(self.channel.value))
 
     def _role(self, path: Path) -> None:
+        """Remove a recording if its role says so; if it was the held-out one, hold out the last of the others."""
         if self.roles[path].value != ROLES[3]:
             return
         judged = self._sides()[1]
@@ -316,6 +318,7 @@ class StudyPage(Page):
         self.compare.disabled = not fitted and not held_out
 
     def _next(self) -> tuple[int, str]:
+        """Return the index in WAY of the present step, and the next thing to do, as a sentence."""
         standing, busy = self.standing, self.job.busy
         fitted, held_out = self._sides()
         if standing is None:
@@ -371,6 +374,7 @@ class StudyPage(Page):
         self.written.content = html.note(text)
 
     def _stand(self, standing: Standing) -> None:
+        """Show a new state of the search."""
         if self.standing is not None and self.standing.effects != standing.effects:
             self._candidates([])  # these were scored for another model; new scores follow
         self.standing = standing
@@ -407,6 +411,7 @@ class StudyPage(Page):
         self.heat.content = html.heat(self.standing, self.axis.value, str(self.go.value), target)
 
     def _go(self) -> None:
+        """Show the column, track and moment in the text field."""
         column, comma, when = str(self.go.value).rpartition(",")
         try:
             track, moment = int(when.split()[0]) - 1, float(when.split()[1])
@@ -423,6 +428,7 @@ class StudyPage(Page):
             self._see(str(self.pictures.camera.value))
 
     def _see(self, camera: str) -> None:
+        """Request the picture of a camera, or of the first one if the track lacks it, at the shown moment."""
         assert self.standing is not None
         cameras = self.standing.tracks[self.traces.number].cameras
         if cameras:
@@ -448,6 +454,7 @@ class StudyPage(Page):
         self.log.content = html.tried(self.tried[-20:], said[::-1], unit)
 
     def _sides(self) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
+        """Return the fitted and the held-out recordings."""
         fitted, held_out = (tuple(p for p, d in self.roles.items() if d.value == role) for role in ROLES[:2])
         return fitted, held_out
 

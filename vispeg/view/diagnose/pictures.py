@@ -15,7 +15,7 @@ KINDS = {"colour": ("rendered", "measured"), "depth": ("depth_rendered", "depth_
 
 
 class Pictures:
-    """Its elements are added to the part of the page that is being built, and shown if the recordings have pictures.
+    """Add the elements to the part of the page that is being built; show them if the recordings have pictures.
 
     Args:
         place: what all pages share: server, folder of results, 3D view.

@@ -27,7 +27,7 @@ class Rung:
 
 @dataclass(frozen=True)
 class Track:
-    """One compared stretch of a recording.
+    """One compared segment of a recording.
 
     Attributes:
         name: name of the recording or of its part.

@@ -72,7 +72,7 @@ class Study:
         channel: str | None = None,
     ):
         self.tell, self.threads = tell, threads
-        self.asked = model, fitted, held_out
+        self.asked = model, fitted, held_out  # for `report`
         tell("say", "reading recordings")
         sides = fitted or held_out, held_out if fitted else ()
         inputs = read_inputs(model, *sides, need_validate=False, **windows(model, SECONDS, *sides))
@@ -93,6 +93,7 @@ class Study:
         fit, judge = (tuple(looked_in.read(rec, given, how) for rec in some) for some in both)
         inputs = replace(inputs, world=looked_in.part(given), fitted=fit, held_out=judge)
         self.world = inputs.world
+        # effects of the given model that this channel leaves out
         self.aside = tuple(e for e in given.effects if e not in self.world.effects)
         subject = SUBJECTS.get(self.channel, partial(Plain, looked_in))
         self.subject = subject(inputs, threads, lambda text: tell("say", text), progress)
@@ -100,6 +101,7 @@ class Study:
         begin = self.subject.begin(self.world)
         self.world, self.n_given, self.n_fixed = begin.world, begin.n_given, begin.n_fixed
         self.state, self.before = None, list[tuple[State, list[Rung]]]()
+        # `before` holds the state and the ladder before each step, for `undo`
         self.rungs = [Rung("the initial model", self.subject.error(self.world))]
         self.scores: dict[str, Score] = {}
         tell("model", (self.subject.model, self.subject.cell))
@@ -253,6 +255,7 @@ class Study:
         return self.search, self.state
 
     def _typed(self, key: str) -> Score:
+        """Return the candidate whose members are written as `EFFECT:WHERE`, joined by ` + `."""
         first, *beside = [e for text in key.split(" + ") for e in self.subject.parse(text.strip())]
         return Score(first, 0.0, tuple(beside))
 
@@ -263,14 +266,17 @@ class Study:
         return Tried(words(trial.score), size, before, self.subject.error(trial.fit.world), trial.rejected)
 
     def _remember(self) -> None:
+        """Keep a copy of the state and the ladder, for `undo`."""
         state = self._searching()[1]
         kept = replace(state, steps=[*state.steps], tried_removals={*state.tried_removals})
         self.before.append((kept, [*self.rungs]))
 
     def _rung(self, words: str) -> None:
+        """Add the present state to the ladder."""
         self.rungs.append(Rung(words, self.subject.error(self._searching()[1].world)))
 
     def _did(self, *step: str) -> None:
+        """Save a step; the scores are those of the state before it, so they are dropped."""
         self.scores = {}
         self.done.append([*step])
         self._write()
@@ -323,7 +329,10 @@ class Done(TypedDict):
 
 
 def read_steps(part: Path) -> Done:
-    """Return the key and steps saved in a folder; an empty key if the folder does not exist."""
+    """Return the key and steps saved in a folder.
+
+    The key is empty if the folder does not exist, and matches no inputs if the folder has no valid file of steps.
+    """
     try:
         data = json.loads((part / STEPS).read_text(encoding="utf-8"))
         return {"key": str(data["key"]), "steps": [[str(word) for word in step] for step in data["steps"]]}

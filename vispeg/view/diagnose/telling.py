@@ -68,7 +68,7 @@ def named(placed: EffectInstance) -> Named:
 
 
 def track(item: Any, first: np.ndarray, now: np.ndarray) -> Track:
-    """Return the track of one item, with at most about `MOST` samples."""
+    """Return the track of one item, with at most `MOST` samples."""
     every = slice(None, None, max(1, -(-len(item.segment.time) // MOST)))
     nj, valid = item.nj, item.valid[every, : item.nj]
 

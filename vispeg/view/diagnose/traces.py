@@ -21,10 +21,7 @@ FRAMES = 25.0  # frames per second during playback
 
 
 class Traces:
-    """Curves of measured and predicted values, with the arm at the chosen moment.
-
-    The elements are added to the part of the page that is being built.
-    """
+    """Add curves of measured and predicted values, with the arm at the chosen moment, to the part being built."""
 
     def __init__(self, place: Place):
         gui = place.gui
@@ -142,6 +139,7 @@ class Traces:
                 self.ghost.pose(self._full(self.ghost, q + float(self.times.value) * error))
 
     def _full(self, drawing: Drawing, q: np.ndarray) -> np.ndarray:
+        """Return the configuration (nq,) of a drawing with the joint angles `q` (nj,), rad."""
         qpos = drawing.model.qpos0.copy()
         assert self.standing is not None
         for name, value in zip(self.standing.joints, q, strict=True):
@@ -257,5 +255,6 @@ def _enlarged(standing: Standing) -> bool:
 
 
 def _size(values: np.ndarray) -> float:
+    """Return the largest absolute value; 0 without finite values."""
     finite = values[np.isfinite(values)]
     return float(np.abs(finite).max()) if finite.size else 0.0
