@@ -84,7 +84,7 @@ def test_words_of_kuka_state_whether_angles_are_measured(name, commanded):
 def placed(pattern, count, joints=JOINTS):
     """Return joint -> column of `count` angles whose columns are called by `pattern`, from 0."""
     out = Proposal(Path("log.csv"), [], [], {}, Dialect())
-    table = Table(out.file, {}, [], 0, 0)
+    table = Table(out.file, {}, [], 0, range(0))
     group = own_names([meaning(pattern.format(k), {}) for k in range(count)], joints, table)
     found = joint_columns(group, joints, "q", out)
     return {joint: m.name for joint, m in found.items()}

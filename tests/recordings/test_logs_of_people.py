@@ -116,6 +116,19 @@ FORMS = {  # columns, keywords of `table`, and what the proposal has to say
         {"separator": "  ", "header": False, "before": "# " + " ".join(PLAIN) + "\n"},
         None,
     ),
+    "a separator stated for Excel": (PLAIN, {"separator": ";", "before": '"sep=;"\n'}, None),
+    "dates": (
+        PLAIN | {"time": [str(np.datetime64("2026-03-28T23:59:58.500000") + int(1e6 * t)) for t in TIME]},
+        {},
+        None,
+    ),
+    "dates of a zone": (
+        {"stamp": [f"{np.datetime64('2026-03-28T23:59:58') + np.timedelta64(int(1e9 * t), 'ns')}+01:00" for t in TIME]}
+        | {name: values for name, values in PLAIN.items() if name != "time"},
+        {},
+        None,
+    ),
+    "times of day": (PLAIN | {"time": [f"23:01:{12.0078125 + t:09.6f}" for t in TIME]}, {"separator": "\t"}, None),
     "units alone": (
         {"time": TIME}
         | {f"J{k + 1} [deg]": np.degrees(Q[:, k]) for k in range(4)}
@@ -385,6 +398,71 @@ def test_a_table_that_numpy_wrote_in_columns_of_equal_width(tmp_path):
     read = read_table(tmp_path / "log.txt", Reading(dialect=Dialect(" ")))
     assert read.names == ["1", "2", "3"] and read.rows == 5
     np.testing.assert_allclose(np.column_stack([read.columns[name] for name in read.names]), values.round(3))
+
+
+@pytest.mark.parametrize(("separator", "empty"), [(",", "\n"), (";", "  \t\r\n"), ("\t", "\n \n"), (" ", "\n")])
+@pytest.mark.parametrize("text", [False, True])
+def test_empty_lines_are_no_samples_and_rows_keep_their_numbers(separator, empty, text, tmp_path):
+    """Of a table read as a whole, or cell by cell as one with a column of text is; blocks of it are told their rows."""
+    values = np.random.default_rng(1).normal(size=(40_000, 3))
+    cells = [[*map(repr, row), *(["on"] if text else [])] for row in values.tolist()]
+    lines = [separator.join(row) + "\n" for row in [["a", "b", "c", *(["d"] if text else [])], *cells]]
+    after = [0, 3, 3, 20_000, 39_999]  # lines, the header among them, behind which empty ones stand
+    spread = [line + empty * after.count(k) for k, line in enumerate(lines)]
+    (tmp_path / "log.csv").write_text("".join(spread) + "\n \n", newline="")
+    seen = []
+    table = read_table(tmp_path / "log.csv", Reading(look=seen.append, dialect=Dialect(separator)))
+    assert np.array_equal(np.column_stack([table.columns[name] for name in "abc"]), values)
+    at = [n for n, line in enumerate("".join(spread).split("\n"), 1) if line.strip()][1:]
+    assert [int(n) for n in table.numbers] == at and [int(n) for block in seen for n in block.numbers] == at
+    assert table.row(39_999) == f"row {at[-1]}"
+
+
+def test_an_empty_line_of_one_column_is_an_empty_cell(tmp_path):
+    for cells, column in ((["1", "", "3"], [1, np.nan, 3]), (["1", "", "on"], None)):
+        (tmp_path / "log.csv").write_text("\n".join(["a", *cells]))
+        table = read_table(tmp_path / "log.csv")
+        assert np.array_equal(table.columns["a"], column, True) if column else table.text["a"] == (4, "on")
+
+
+def test_dates_have_no_unit_and_one_form(tmp_path, arm):
+    dates = [f"2026-03-28T12:00:{t:09.6f}Z" for t in TIME]
+    file = table(tmp_path / "log.csv", PLAIN | {"time": dates})
+    signals = {f"q.{joint}": f"q_{j}" for j, joint in enumerate(JOINTS)}
+    mapping = map_from({"time": {"column": "time", "unit": "ms"}} | signals, file, JOINTS)
+    with pytest.raises(UserError, match="time: holds dates or times of day; expected no unit, no scale"):
+        convert(file, arm, tmp_path / "rig", mapping=mapping)
+    mapping = map_from({"time": "time"} | signals, file, JOINTS)
+    for cell, wrong in (("4.5", "is not a date"), ("2026-03-28T25:00:00Z", "is not a date")):
+        table(file, PLAIN | {"time": [*dates[:300], cell, *dates[301:]]})
+        with pytest.raises(UserError, match=f"row 302, column time: {wrong}"):
+            convert(file, arm, tmp_path / "rig", mapping=mapping)
+
+
+def test_dates_are_the_same_seconds_as_text_and_in_parquet(tmp_path):
+    """Text is read as a whole, or cell by cell where another column has a word."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    stamps = np.datetime64("2026-03-28T23:59:58", "us") + np.random.default_rng(2).integers(0, 10**9, 50)
+    of_day = stamps - stamps.astype("datetime64[D]")
+    columns = {"at": pa.array(stamps), "day": pa.array(of_day.astype(int), pa.time64("us"))}
+    pq.write_table(pa.table(columns | {"x": pa.array(np.arange(50.0))}), tmp_path / "log.parquet")
+    times = {"at": [str(at) for at in stamps], "day": [str(at)[11:] for at in stamps]}
+    read = [read_table(tmp_path / "log.parquet")]
+    for x in (np.arange(50.0), ["on", *map(str, range(49))]):
+        read.append(read_table(table(tmp_path / "log.csv", times | {"x": x})))
+    for name, seconds in (("at", stamps.astype(int) / 1e6), ("day", of_day.astype(int) / 1e6)):
+        assert all(np.array_equal(t.columns[name], seconds) and name in t.dates for t in read)
+
+
+def test_a_row_behind_repeated_ones_is_told_by_its_number_in_the_file(tmp_path, arm):
+    twice = {name: np.insert(values, 100, values[100]) for name, values in PLAIN.items()}
+    twice["q_1"][400] = np.inf
+    file = table(tmp_path / "log.csv", twice)
+    mapping = map_from({f"q.{joint}": f"q_{j}" for j, joint in enumerate(JOINTS)}, file, JOINTS)
+    with pytest.warns(UserWarning, match="1 rows"), pytest.raises(UserError, match="row 402, column q.lift_joint"):
+        convert(file, arm, tmp_path / "rig", mapping=mapping)
 
 
 def test_what_is_not_read_says_how_to_get_a_table(tmp_path, arm):

@@ -183,7 +183,9 @@ def _record(found: Placed, mount: Mount, assumed: str, rows: Table) -> dict[str,
             "tag_scatter_mm": 1e3 * eye.scatter,
             "robot_error": {"mm": 1e3 * float(eye.robot[0]), "deg": float(np.degrees(eye.robot[1]))},
         },
-        "rows": [{"row": rows.first_row + number, "misfit": float(misfit)} for number, misfit in enumerate(eye.misfit)],
+        "rows": [
+            {"row": int(rows.numbers[number]), "misfit": float(misfit)} for number, misfit in enumerate(eye.misfit)
+        ],
         "notes": notes,
     }
 

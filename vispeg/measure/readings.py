@@ -12,7 +12,7 @@ from scipy import stats
 from vispeg.core.errors import UserError
 from vispeg.measure.uncertainty import Input, rectangular
 from vispeg.recordings.tables.read import read_table
-from vispeg.recordings.tables.table import Table
+from vispeg.recordings.tables.table import MAX_ROWS, Table
 
 SUFFIXES = {"_deg": np.pi / 180.0, "_g": 1e-3, "_mm": 1e-3, "_cm": 1e-2, "_ms": 1e-3}  # to SI
 REPEATS_AGREE = 3.0  # standard uncertainties by which the first reading and its repeat at the end may differ
@@ -27,7 +27,7 @@ class Readings:
         columns: name without its unit -> (n,) in SI units.
         resolution: name -> one digit of the instrument, SI.
         accuracy: name -> limit of the instrument's error, SI.
-        first_row: number of the first reading in messages, as `Table.first_row`.
+        numbers: number of each reading in messages, as `Table.numbers`.
         titles: name -> the column's name in the table, with its unit; empty for readings of no table.
     """
 
@@ -35,12 +35,12 @@ class Readings:
     columns: Mapping[str, np.ndarray]
     resolution: Mapping[str, float] = field(default_factory=dict)
     accuracy: Mapping[str, float] = field(default_factory=dict)
-    first_row: int = 2
+    numbers: range | np.ndarray = range(2, 2 + MAX_ROWS)
     titles: Mapping[str, str] = field(default_factory=dict)
 
     def row(self, index: int | np.integer) -> str:
         """Name a reading in messages by its row in the table."""
-        return f"row {self.first_row + int(index)}"
+        return f"row {int(self.numbers[int(index)])}"
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
@@ -91,7 +91,7 @@ def read(file: Path, resolution: Iterable[str], accuracy: Iterable[str]) -> Read
         if name in columns:
             raise UserError("the same column in two units", file=file, key=full)
         columns[name] = factor * _complete(table, full)
-    return of_instruments(Readings(file, columns, first_row=table.first_row, titles=titles), resolution, accuracy)
+    return of_instruments(Readings(file, columns, numbers=table.numbers, titles=titles), resolution, accuracy)
 
 
 def of_instruments(readings: Readings, resolution: Iterable[str], accuracy: Iterable[str]) -> Readings:

@@ -39,7 +39,7 @@ def build(
     robot: str,
     joints: Sequence[str],
     mapping: ColumnMap,
-    first_row: int = 0,
+    numbers: range | np.ndarray | None = None,
     **header: Any,
 ) -> Recording:
     """Build a validated recording from columns (n,) in SI units, named as in samples.csv.
@@ -50,7 +50,7 @@ def build(
         robot: name or file of the robot.
         joints: the robot's joints.
         mapping: the map; the keys of its `recording` go into the header.
-        first_row: number of the first sample's row in the source, for messages.
+        numbers: number of each sample's row in the source, for messages; by default counted from 0.
         header: further keys of the header; those of the map override them.
 
     Raises:
@@ -59,7 +59,8 @@ def build(
     time = columns.get("time")
     if time is None:
         raise UserError("has no time", file=source, expected="a column `time`, or a map that says which it is")
-    columns = joint_side(cleaned(dict(columns), source, first_row), joints_of(joints, mapping), mapping, source)
+    columns, numbers = cleaned(dict(columns), source, range(len(time)) if numbers is None else numbers)
+    columns = joint_side(columns, joints_of(joints, mapping), mapping, source)
     time = columns["time"]
     start = time[0] if len(time) else 0.0
     if np.isfinite(start) and abs(start) > EPOCH:
@@ -69,7 +70,7 @@ def build(
     rate = 1.0 / float(np.median(steps)) if len(steps) else 1.0
     data = {"format": FORMAT, "robot": robot, "joints": joints_of(joints, mapping), "rate_hz": _rounded(rate)}
     data |= {"notes": f"imported from {source.name}"} | header | dict(mapping.recording)
-    table = Table(source, columns, list(columns), len(columns["time"]), first_row)
+    table = Table(source, columns, list(columns), len(columns["time"]), numbers)
     if table.rows == 0:
         raise UserError("holds no samples", file=source)
     return assemble(header_from(data, mapping.file or source), table, Path(source.stem), mapping.file or source)

@@ -14,7 +14,9 @@ LONGEST = 3.5  # times the usual interval between commands: after a longer silen
 NAMED = 3  # backward steps that a note lists individually
 
 
-def cleaned(columns: dict[str, np.ndarray], source: Path, first_row: int = 0) -> dict[str, np.ndarray]:
+def cleaned(
+    columns: dict[str, np.ndarray], source: Path, numbers: range | np.ndarray
+) -> tuple[dict[str, np.ndarray], range | np.ndarray]:
     """Drop repeated rows, start a new episode where the clock steps back, and hold sparse commands; note each repair.
 
     A row that repeats the previous row's time with other values is an error: nothing says which of the two is right.
@@ -22,14 +24,17 @@ def cleaned(columns: dict[str, np.ndarray], source: Path, first_row: int = 0) ->
     Args:
         columns: `time` (n,) s, optionally `episode`, and signals.
         source: the file, named in notes and errors.
-        first_row: number of the first sample's row in the source.
+        numbers: number of each sample's row in the source, as `Table.numbers`.
+
+    Returns:
+        The columns and the numbers of the rows that are kept.
 
     Raises:
         UserError: two rows of one time with other values.
     """
     time = columns["time"]
     if len(time) < 2 or not np.isfinite(time).all():
-        return columns
+        return columns, numbers
     episode = columns.get("episode", np.zeros(len(time)))
     same = (np.diff(time) == 0) & (np.diff(episode) == 0)
     if same.any():
@@ -41,17 +46,15 @@ def cleaned(columns: dict[str, np.ndarray], source: Path, first_row: int = 0) ->
             raise UserError(
                 "two rows of one time with other values",
                 file=source,
-                key=f"row {first_row + row}",
+                key=f"row {numbers[row]}",
                 expected="a time of its own for every reading",
                 got=float(time[row]),
             )
         keep = np.concatenate([[True], ~again])
         note(f"{source}: {int(again.sum())} rows that repeat the one before with its time are dropped")
         columns = {name: values[keep] for name, values in columns.items()}
-        rows = first_row + np.flatnonzero(keep)
-    else:
-        rows = first_row + np.arange(len(time))
-    return _held(_cut(columns, source, rows), source)
+        numbers = np.asarray(numbers)[keep]
+    return _held(_cut(columns, source, numbers), source), numbers
 
 
 def counted(episode: np.ndarray | None, rows: int) -> np.ndarray:
@@ -62,7 +65,7 @@ def counted(episode: np.ndarray | None, rows: int) -> np.ndarray:
     return np.arange(rows, dtype=float) - np.repeat(starts, np.diff(np.append(starts, rows)))
 
 
-def _cut(columns: dict[str, np.ndarray], source: Path, rows: np.ndarray) -> dict[str, np.ndarray]:
+def _cut(columns: dict[str, np.ndarray], source: Path, rows: range | np.ndarray) -> dict[str, np.ndarray]:
     """Start a new episode wherever the clock steps back within one; what comes before keeps the file's number."""
     time = columns["time"]
     episode = columns.get("episode", np.zeros(len(time)))

@@ -74,11 +74,13 @@ def from_table(
             "1 line before the header is no sample" if count == 1 else f"{count} lines before the header are no samples"
         )
         note(f"{source}: {lines}: {table.comments[0][:80]}")
-    return build(columns, source, robot, joints, mapping, table.first_row, **header)
+    return build(columns, source, robot, joints, mapping, table.numbers, **header)
 
 
 def summed(table: Table, origin: Source) -> np.ndarray:
     """Return a column (n,) in SI units: the source column plus the further columns in the map's `plus`."""
+    if origin.name in table.dates and origin.factor != 1.0:
+        raise UserError("holds dates or times of day", file=table.file, key=origin.name, expected="no unit, no scale")
     own = si(table.number(origin.name), origin)
     return sum((summed(table, term) for term in origin.plus), start=own)
 

@@ -94,7 +94,8 @@ def _folder(folder: Path, files: Sequence[Path], reading: Reading) -> Table:
     names = list(columns)
     rows = len(next(iter(columns.values()), ()))
     kept = {name: columns[name] for name in reading.retained(names) if name in columns}
-    return Table(folder, kept, [*names, *text], rows, 0, text, mixed=mixed)
+    dates = frozenset(name if alike else _key(table, name) for table in tables for name in table.dates)
+    return Table(folder, kept, [*names, *text], rows, range(rows), text, mixed=mixed, dates=dates)
 
 
 def _texts(tables: Sequence[Table], alike: bool) -> tuple[dict[str, tuple[int, str]], frozenset[str]]:

@@ -42,7 +42,7 @@ def read_store(file: Path, reading: Reading) -> Table:
     check_rows(rows, file)
     names = checked_names(list(columns), file)
     kept = {name: columns[name] for name in reading.retained(names)}
-    return Table(file, kept, names, rows, 0)
+    return Table(file, kept, names, rows, range(rows))
 
 
 def columns_from(arrays: Mapping[str, np.ndarray], file: Path) -> dict[str, np.ndarray]:

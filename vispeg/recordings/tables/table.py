@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
+from datetime import UTC, datetime, time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -43,24 +45,26 @@ class Table:
         columns: name -> values, of the columns that were kept.
         names: all columns in the order of the file.
         rows: number of samples.
-        first_row: number of the first sample in messages: 2 in a CSV (line 1 is the header), 0 in Parquet.
+        numbers: number of each sample in messages: its line in a text table, its index elsewhere.
         text: name -> (row, cell) of the first cell that is not a number; such a column is not in `columns`.
         mixed: names of those text columns that hold numbers too.
         comments: the lines before the header, as text.
+        dates: names of those columns whose cells are dates or times of day, which became s (`as_seconds`).
     """
 
     file: Path
     columns: dict[str, np.ndarray]
     names: list[str]
     rows: int
-    first_row: int
+    numbers: range | np.ndarray
     text: dict[str, tuple[int, str]] = field(default_factory=dict)
     comments: tuple[str, ...] = ()
     mixed: frozenset[str] = frozenset()
+    dates: frozenset[str] = frozenset()
 
     def row(self, index: int | np.integer) -> str:
         """Name the sample at `index` as in messages."""
-        return f"row {self.first_row + int(index)}"
+        return f"row {int(self.numbers[int(index)])}"
 
     def number(self, name: str) -> np.ndarray:
         """Return a column (n,). Raises UserError if it is absent or has a cell that is not a number."""
@@ -69,7 +73,7 @@ class Table:
             point = cell.strip().replace(",", ".")
             comma = point != cell.strip() and as_float(point) is not None
             expected = f"a decimal point ({point})" if comma else None
-            message = "has a decimal comma" if comma else "is not a number"
+            message = "has a decimal comma" if comma else "is not a date" if name in self.dates else "is not a number"
             raise UserError(message, file=self.file, key=f"row {row}, column {name}", expected=expected, got=cell)
         if name not in self.names:
             raise UserError("column is missing", file=self.file, got=name, choices=self.names)
@@ -141,6 +145,43 @@ def as_float(cell: str) -> float | None:
         return None if "_" in cell else float(cell)
     except ValueError:
         return None
+
+
+def as_seconds(cell: str) -> float | None:
+    """Parse a date or a time of day in ISO 8601: s since 1970 (UTC where no zone is stated), or since midnight.
+
+    NaN if the cell is empty, None if it is neither. Digits beyond the microsecond are dropped.
+    """
+    cell = cell.strip()
+    if not cell:
+        return np.nan
+    try:
+        date = datetime.fromisoformat(cell)
+    except ValueError:
+        try:
+            day = time.fromisoformat(cell)
+        except ValueError:
+            return None
+        return (((day.hour * 60 + day.minute) * 60 + day.second) * 1_000_000 + day.microsecond) / 1e6
+    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
+
+
+def is_date(kind: Any) -> bool:
+    """Return whether an Arrow type is of dates with times, or of times of day."""
+    import pyarrow as pa
+
+    return pa.types.is_timestamp(kind) or pa.types.is_time(kind)
+
+
+def seconds_of(column: Any) -> np.ndarray:
+    """Return an Arrow array of dates or times of day as `as_seconds` returns their text, (n,) s."""
+    import pyarrow as pa
+    from pyarrow import compute
+
+    zone = getattr(column.type, "tz", None)
+    finer = pa.timestamp("ns", zone) if pa.types.is_timestamp(column.type) else pa.time64("ns")
+    whole = compute.divide(column.cast(finer).cast(pa.int64()), 1000)  # us: float64 holds them exactly
+    return whole.cast(pa.float64()).to_numpy(zero_copy_only=False) / 1e6
 
 
 class Columns:

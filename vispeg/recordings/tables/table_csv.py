@@ -9,9 +9,11 @@ import os
 import re
 import zlib
 from array import array
+from bisect import bisect_right
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -26,13 +28,16 @@ from vispeg.recordings.tables.table import (
     Reading,
     Table,
     as_float,
+    as_seconds,
     check_rows,
     checked_names,
+    seconds_of,
 )
 
 BLOCK = 1 << 22  # bytes
 MAX_LINE = 1 << 20
 RUNS = re.compile(rb"[ \t\r\n]+")
+TOLD = re.compile(r'"?sep=([^\w.+"-])"?', re.IGNORECASE)  # first line of a table that Excel is to open
 COMMENT, MOST_COMMENTS = "#%", 1000
 
 
@@ -42,12 +47,16 @@ class Head:
 
     Attributes:
         names: column names.
-        lines: number of lines before the first sample.
+        lines: number of lines up to the header, or before the first sample of a table without one.
+        dialect: how the table is written; the separator is that of its first line if that states one (`sep=;`).
+        dates: zones of the columns whose first cell is a date (True: it states a zone) or time of day (None).
         comments: those lines that are not the header, as text, without empty ones.
     """
 
     names: list[str]
     lines: int
+    dialect: Dialect
+    dates: dict[str, bool | None]
     comments: tuple[str, ...] = ()
 
 
@@ -55,6 +64,7 @@ def read_csv(file: Path, reading: Reading) -> Table:
     """Read a text table. Raises UserError: not a text table, or a row with too few or too many cells."""
     with opened(file) as stream:
         head = _head(stream, file, reading.dialect)
+    reading = replace(reading, dialect=head.dialect)
     wanted = reading.wanted(head.names)
     table = _all_numbers(file, head, wanted, reading) if wanted else None
     return table if table is not None else _cell_by_cell(file, head, wanted, reading)
@@ -63,8 +73,11 @@ def read_csv(file: Path, reading: Reading) -> Table:
 def _head(stream: BinaryIO, file: Path, dialect: Dialect) -> Head:
     """Read up to the first sample. Raises UserError: no header or sample with this dialect."""
     before: list[str] = []
+    line, offset = _line(stream, file, 0), 0
+    if separator := told_separator(line):
+        dialect, offset = replace(dialect, separator=separator), 1
+        line = _line(stream, file, 1)
     while True:
-        line = _line(stream, file, len(before))
         if not line:
             raise UserError("is empty" if not before else "has no header line", file=file)
         if line.strip() and line.lstrip()[0] not in COMMENT:
@@ -72,23 +85,50 @@ def _head(stream: BinaryIO, file: Path, dialect: Dialect) -> Head:
         before.append(line)
         if len(before) > MOST_COMMENTS:
             raise UserError("has no header line", file=file, expected=f"one after {MOST_COMMENTS} comments at most")
+        line = _line(stream, file, len(before) + offset)
     first = split_cells(line, dialect)
     said = [i for i, text in enumerate(before) if text.strip()]
     told = uncommented(before[said[-1]], dialect) if said else []
-    numeric = [as_float(cell.replace(dialect.decimal, ".")) is not None for cell in first]
+    numeric = [
+        as_float(cell.replace(dialect.decimal, ".")) is not None or as_seconds(cell) is not None for cell in first
+    ]
     if told and len(told) == len(first) > 1 and any(numeric):  # np.savetxt, gnuplot, rostopic: the header is a comment
-        names, lines = told, len(before)
+        names, lines, sample = told, len(before), first
         before = [text for i, text in enumerate(before) if i != said[-1]]
     elif all(numeric):
         names, lines = list(dialect.names) or [str(k + 1) for k in range(len(first))], len(before)
+        sample = first
         if len(names) != len(first):
             got = f"{len(names)} names"
             raise UserError("has another number of columns", file=file, key="--columns", expected=len(first), got=got)
     else:
-        _refuse_dialect(line, _line(stream, file, len(before) + 1), dialect, file)
-        names, lines = first, len(before) + 1
+        second = _line(stream, file, len(before) + offset + 1)
+        while second and not second.strip():
+            second = _line(stream, file, len(before) + offset + 1)
+        _refuse_dialect(line, second, dialect, file)
+        names, lines, sample = first, len(before) + 1, split_cells(second, dialect)
     comments = tuple(text.strip() for text in before if text.strip())
-    return Head(checked_names([name.strip() for name in names], file), lines, comments)
+    names = checked_names([name.strip() for name in names], file)
+    dates = {name: _zone(cell) for name, cell in zip(names, sample, strict=False) if _is_date(cell)}
+    return Head(names, lines + offset, dialect, dates, comments)
+
+
+def told_separator(line: str) -> str:
+    """Return the separator that a table's first line states as Excel does (`sep=;`); empty if it is no such line."""
+    told = TOLD.fullmatch(line.rstrip("\r\n"))
+    return told[1] if told else ""
+
+
+def _is_date(cell: str) -> bool:
+    return as_float(cell) is None and as_seconds(cell) is not None
+
+
+def _zone(cell: str) -> bool | None:
+    """Return whether a date states its zone; None for a time of day."""
+    try:
+        return datetime.fromisoformat(cell.strip()).tzinfo is not None
+    except ValueError:
+        return None
 
 
 def uncommented(line: str, dialect: Dialect) -> list[str]:
@@ -158,6 +198,75 @@ class _Limited(io.RawIOBase):
         return n
 
 
+class _Lines(io.RawIOBase):
+    """The rest of a text table without its empty lines, which separate blocks and are no samples.
+
+    Args:
+        stream: behind the header.
+        first: number of its next line in the file.
+        separator: between cells; other blanks may stand in an empty line. None keeps every line, for a table of one
+            column, whose empty line is an empty cell.
+    """
+
+    def __init__(self, stream: io.BufferedReader, first: int, separator: str | None):
+        blank = "".join(sign for sign in " \t\r" if sign != separator)
+        self._empty = None if separator is None else re.compile(f"\n(?:[{blank}]*\n)+".encode())
+        self._stream, self._first, self._ready, self._count = stream, first, b"", 0
+        self._gaps: list[int] = []  # for every empty line: the number of lines before it that are kept
+
+    def readable(self) -> bool:
+        """Return True."""
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        """Read the next bytes: whole lines of the stream, in pieces."""
+        while not self._ready:
+            data = self._stream.read(BLOCK >> 4)
+            if not data:
+                return 0
+            self._ready = self._solid(data + self._stream.readline(MAX_LINE))
+        n = min(len(buffer), len(self._ready))
+        buffer[:n], self._ready = self._ready[:n], self._ready[n:]
+        return n
+
+    def _solid(self, lines: bytes) -> bytes:
+        if self._empty is None:
+            return lines
+        kept, end = [], 0
+        lines = b"\n" + lines  # so that an empty first line is found as any other
+        for run in self._empty.finditer(lines):
+            kept.append(lines[end : run.start() + 1])
+            self._count += kept[-1].count(b"\n") - (end == 0)
+            self._gaps += [self._count] * (run[0].count(b"\n") - 1)
+            end = run.end()
+        kept.append(lines[end:])
+        self._count += kept[-1].count(b"\n") - (end == 0)
+        return b"".join(kept)[1:]
+
+    def number(self, row: int) -> int:
+        """Return the number in the file of the `row`-th line that is kept, of those that have been read."""
+        return self._first + row + bisect_right(self._gaps, row)
+
+    def numbers(self, start: int, stop: int) -> range | np.ndarray:
+        """Return the numbers of the kept lines from `start` to before `stop`."""
+        if not self._gaps:
+            return range(self._first + start, self._first + stop)
+        rows = np.arange(start, stop)
+        return self._first + rows + np.searchsorted(self._gaps, rows, side="right")
+
+
+@contextmanager
+def _samples(file: Path, head: Head) -> Iterator[tuple[io.BufferedReader, _Lines, Any]]:
+    """Open a table behind its header: the stream of its samples, their line numbers, and the raw file."""
+    separator = head.dialect.separator
+    with opened(file, separator == " ") as stream:
+        for _ in range(head.lines):
+            stream.readline()
+        limited: Any = stream.raw  # a `_Limited`
+        lines = _Lines(stream, head.lines + 1, separator if len(head.names) > 1 else None)
+        yield io.BufferedReader(lines, 1 << 18), lines, limited.raw
+
+
 def _one(run: re.Match[bytes]) -> bytes:
     """Replace a run of blanks by a line end if it contains one, else by one blank."""
     return b"\n" * run[0].count(b"\n") or b" "
@@ -188,19 +297,18 @@ def _all_numbers(file: Path, head: Head, wanted: list[str], reading: Reading) ->
     import pyarrow as pa
     from pyarrow import csv as arrow
 
-    names, first = head.names, head.lines + 1
+    names = head.names
     collected, size = Columns(reading.retained(names)), max(os.stat(file).st_size, 1)
+    kinds = {True: pa.timestamp("ns", "UTC"), False: pa.timestamp("ns"), None: pa.time64("ns")}
+    types = {name: kinds[head.dates[name]] if name in head.dates else pa.float64() for name in wanted}
     convert = arrow.ConvertOptions(
-        column_types=dict.fromkeys(wanted, pa.float64()),
+        column_types=types,
         include_columns=wanted,
         null_values=[""],
         decimal_point=reading.dialect.decimal,
     )
     try:
-        with opened(file, reading.dialect.separator == " ") as stream:
-            limited: Any = stream.raw  # a `_Limited`
-            for _ in range(head.lines):
-                stream.readline()
+        with _samples(file, head) as (stream, lines, raw):
             source = arrow.open_csv(
                 stream,
                 arrow.ReadOptions(column_names=names, use_threads=False, block_size=BLOCK),
@@ -208,37 +316,46 @@ def _all_numbers(file: Path, head: Head, wanted: list[str], reading: Reading) ->
                 convert,
             )
             for batch in source:
-                block = {name: batch.column(name).to_numpy(zero_copy_only=False) for name in wanted}
+                block = {
+                    name: seconds_of(column) if name in head.dates else column.to_numpy(zero_copy_only=False)
+                    for name, column in ((name, batch.column(name)) for name in wanted)
+                }
                 if reading.look is not None:
-                    reading.look(Table(file, block, names, batch.num_rows, first + collected.rows))
+                    numbers = lines.numbers(collected.rows, collected.rows + batch.num_rows)
+                    reading.look(Table(file, block, names, batch.num_rows, numbers))
                 collected.add(block, batch.num_rows)
                 check_rows(collected.rows, file)
-                reading.progress(limited.raw.tell() / size)
+                reading.progress(raw.tell() / size)
                 if reading.enough(collected.rows):
                     break
     except pa.ArrowException:
         return None
-    return Table(file, collected.done(), names, collected.rows, first, comments=head.comments)
+    numbers = lines.numbers(0, collected.rows)
+    return Table(
+        file, collected.done(), names, collected.rows, numbers, comments=head.comments, dates=frozenset(head.dates)
+    )
 
 
 def _cell_by_cell(file: Path, head: Head, wanted: list[str], reading: Reading) -> Table:
-    names, first = head.names, head.lines + 1
+    names = head.names
     columns = {names.index(name): array("d") for name in wanted}
     text: dict[str, tuple[int, str]] = {}
     point = reading.dialect.decimal
     rows = 0
-    with opened(file, reading.dialect.separator == " ") as stream:
-        for _ in range(head.lines):
-            stream.readline()
-        lines = (_line(stream, file, n) for n in range(head.lines, 1 << 62))
+    with _samples(file, head) as (stream, lines, _):
+        texts = (_line(stream, file, lines.number(n) - 1) for n in range(1 << 62))
         try:
-            for number, cells in enumerate(csv.reader(_until_empty(lines), delimiter=reading.dialect.separator), first):
+            for row in csv.reader(_until_empty(texts), delimiter=reading.dialect.separator):
+                cells = row or [""]  # of one column
                 if len(cells) != len(names):
-                    raise _torn(file, number, cells, names)
+                    raise _torn(file, lines.number(rows), cells, names)
                 for i, column in columns.items():
-                    value = as_float(cells[i] if point == "." else cells[i].replace(point, "."))
+                    if names[i] in head.dates:
+                        value = as_seconds(cells[i])
+                    else:
+                        value = as_float(cells[i] if point == "." else cells[i].replace(point, "."))
                     if value is None:
-                        text.setdefault(names[i], (number, cells[i]))
+                        text.setdefault(names[i], (lines.number(rows), cells[i]))
                         value = np.nan
                     column.append(value)
                 rows += 1
@@ -250,7 +367,8 @@ def _cell_by_cell(file: Path, head: Head, wanted: list[str], reading: Reading) -
     every = {names[i]: np.array(column) for i, column in columns.items()}
     values = {name: column for name, column in every.items() if name not in text}
     mixed = frozenset(name for name in text if np.isfinite(every[name]).any())
-    table = Table(file, values, names, rows, first, text, head.comments, mixed)
+    numbers = lines.numbers(0, rows)
+    table = Table(file, values, names, rows, numbers, text, head.comments, mixed, frozenset(head.dates))
     if reading.look is not None:
         reading.look(table)
     return table

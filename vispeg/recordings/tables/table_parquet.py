@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.recordings.tables.table import Columns, Reading, Table, check_rows, checked_names
+from vispeg.recordings.tables.table import Columns, Reading, Table, check_rows, checked_names, is_date, seconds_of
 
 BLOCK = 65_536  # rows
 
@@ -27,6 +27,7 @@ def read_parquet(file: Path, reading: Reading) -> Table:
             wanted = reading.wanted(names)
             origin = {name: [n for n in _split(name, width) if n in set(wanted)] for name, width in fields.items()}
             columns = [name for name, parts in origin.items() if parts]
+            dates = frozenset(name for name in names if fields.get(name) == 0 and is_date(_type(source, name)))
             text = {n: (0, f"a column of {_type(source, n)}") for n in wanted if fields.get(n, 0) is None}
             collected = Columns([name for name in reading.retained(names) if name not in text], total)
             for batch in source.iter_batches(BLOCK, columns=columns, use_threads=False):
@@ -35,7 +36,8 @@ def read_parquet(file: Path, reading: Reading) -> Table:
                     if name not in text:
                         block |= _values(batch.column(name), name, fields[name], origin[name], pa)
                 if reading.look is not None:
-                    reading.look(Table(file, block, names, batch.num_rows, collected.rows, text))
+                    end = collected.rows + batch.num_rows
+                    reading.look(Table(file, block, names, batch.num_rows, range(collected.rows, end), text))
                 collected.add(block, batch.num_rows)
                 reading.progress(collected.rows / max(total, 1))
                 if reading.enough(collected.rows):
@@ -43,7 +45,7 @@ def read_parquet(file: Path, reading: Reading) -> Table:
             rows = collected.rows if columns else total
     except (pa.ArrowException, OSError, ValueError, OverflowError, NotImplementedError, MemoryError) as error:
         raise UserError(f"is not a Parquet file that can be read: {error}", file=file) from error
-    return Table(file, collected.done(), names, rows, 0, text)
+    return Table(file, collected.done(), names, rows, range(rows), text, dates=dates)
 
 
 def _plain_names(source: Any, file: Path) -> list[str]:
@@ -55,12 +57,12 @@ def _type(source: Any, name: str) -> Any:
 
 
 def _width(source: Any, name: str) -> int | None:
-    """Return 0 for a column of numbers, the length for a column of lists of numbers, None for any other type."""
+    """Return 0 for a column of numbers or dates, the length for one of lists of numbers, None for any other type."""
     import pyarrow as pa
 
     kind = _type(source, name)
     numeric = [pa.types.is_floating, pa.types.is_integer, pa.types.is_boolean, pa.types.is_null]
-    if any(test(kind) for test in numeric):
+    if is_date(kind) or any(test(kind) for test in numeric):
         return 0
     if not (pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind)):
         return None
@@ -77,6 +79,8 @@ def _split(name: str, width: int | None) -> list[str]:
 
 
 def _values(column: Any, name: str, width: int | None, parts: list[str], pa: Any) -> dict[str, np.ndarray]:
+    if not width and is_date(column.type):
+        return {name: seconds_of(column)}
     if not width:
         return {name: column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)}
     flat = column.flatten()

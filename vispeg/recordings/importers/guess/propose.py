@@ -492,7 +492,11 @@ def _time(
     pair = _pair(table, meanings)
     if pair is not None:
         return Line("time", pair[0], "s", "seconds, and nanoseconds beside them", "stated", plus=(pair[1], "ns"))
-    named = [m for m in meanings if m.name in table.columns and (m.quantity == "time" or set(split(m.name)) & TIME)]
+    named = [
+        m
+        for m in meanings
+        if m.name in table.columns and (m.quantity == "time" or m.name in table.dates or set(split(m.name)) & TIME)
+    ]
     running = [m for m in named if values.increases(table.columns[m.name])]
     if not running:
         taken = {line.column for line in out.lines}
@@ -509,6 +513,8 @@ def _time(
     for other in running:
         if other is not best:
             out.unused[other.name] = f"{best.name} is taken for the time"
+    if best.name in table.dates:
+        return Line("time", best.name, "s", "dates or times of day", "measured")
     unit, why = values.time_unit(table.columns[best.name], best.unit, stacks, units, limits, out.doubts, speeds)
     return Line("time", best.name, unit, why, _sure(why))
 

@@ -30,7 +30,7 @@ from vispeg.recordings.importers.turns import turned
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.tables.read import is_text, read_table
 from vispeg.recordings.tables.table import Dialect, Reading, Table
-from vispeg.recordings.tables.table_csv import COMMENT, MOST_COMMENTS, opened
+from vispeg.recordings.tables.table_csv import COMMENT, MOST_COMMENTS, opened, told_separator
 
 ROWS = 200_000  # rows that are read: the header and the ranges of the values need no more
 AGREE = 2.0  # factor by which published and fitted torque constants may differ; errors of masses and friction are less
@@ -283,12 +283,15 @@ def dialect_of(file: Path, names: tuple[str, ...] = ()) -> Dialect:
     """
     try:
         with opened(file) as stream:
-            lines, comments = [], 0
+            lines, comments, told, first = [], 0, "", True
             while len(lines) < LINES and (raw := stream.readline(1 << 20)):
                 line = raw.decode().rstrip("\r\n")
+                if first and (told := told_separator(line)):
+                    continue
                 comments += (comment := line.lstrip()[:1] in COMMENT and not lines)
                 if line.strip() and not comment:
                     lines.append(line)
+                first = False
                 if comments > MOST_COMMENTS:
                     break
     except UnicodeDecodeError as error:
@@ -298,8 +301,8 @@ def dialect_of(file: Path, names: tuple[str, ...] = ()) -> Dialect:
     if not lines:
         raise UserError("is empty", file=file)
     head, body = lines[0], lines[1:] or lines
-    separator = max((";", "\t", ","), key=head.count)
-    if not head.count(separator):
+    separator = told or max((";", "\t", ","), key=head.count)
+    if not told and not head.count(separator):
         cells = len(head.split())
         separator = " " if cells > 1 and all(len(line.split()) == cells for line in body) else ","
     comma = separator != "," and any(DECIMAL_COMMA.search(cell) for line in body for cell in line.split(separator))
