@@ -80,6 +80,20 @@ def test_steps_of_the_plan_rest_long_enough_for_a_joint_that_swings():
         assert by_name[name].value == pytest.approx(getattr(true, name), rel=0.01, abs=1e-3), name
 
 
+@pytest.mark.parametrize(("wn", "zeta", "hold"), [(20.0, 0.1, 0.5), (8.0, 0.03, 0.7), (40.0, 2.0, 0.4)])
+def test_a_swing_that_goes_on_into_the_next_step_moves_no_number(wn, zeta, hold):
+    """The sum of step responses is the exact motion. The last step is cut off 0.3 s after its command."""
+    true, sizes, t = Servo(0.97, wn, zeta, 0.004), [0.05, -0.05, 0.1, -0.1], np.arange(0, 1.3 + 3 * hold, 0.002)
+    begins = 1.0 + hold * np.arange(len(sizes))
+    command = sum(size * (t >= at - 1e-9) for at, size in zip(begins, sizes, strict=True))
+    q = sum(0.97 * size * step_answer(t - at - 0.004, wn, zeta) for at, size in zip(begins, sizes, strict=True))
+    found = joint.measure([Trace("swings", t, command, q + 1e-5 * rng().standard_normal(len(t)))], rng())
+    by_name = {quantity.quantity: quantity for quantity in found.results}
+    for name in steps.NAMES:
+        assert by_name[name].value == pytest.approx(getattr(true, name), rel=2e-3, abs=1e-4), name
+    assert not any("logged late" in note or "not second order" in note for note in found.notes)
+
+
 @pytest.mark.slow
 def test_intervals_of_the_servo_hold_over_sizes_that_differ():
     """Each size and direction has a servo of its own, 5 % about the truth: the stated interval is of their mean.

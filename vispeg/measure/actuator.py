@@ -114,8 +114,8 @@ def step_error(servo: Servo, band: float, steps: Sequence[Step]) -> list[float]:
         last = int(np.searchsorted(trace.time, step.start + WINDOW))
         later = [s.start for s in steps if s.trace is trace and s.start > step.start]
         last = min(last, int(np.searchsorted(trace.time, min(later)))) if later else last
-        before = steps_of.before(trace, first)
+        rest, swing = steps_of.rested(trace, first, last, servo)
         command = trace.q_cmd[first - 1 : last] - trace.q_cmd[first - 1]
         model = simulated(servo, command, trace.period, band, pull)[1:]
-        out.append(float(np.sqrt(np.mean((trace.q[first:last] - before - model) ** 2)) / abs(step.size)))
+        out.append(float(np.sqrt(np.mean((trace.q[first:last] - rest - swing - model) ** 2)) / abs(step.size)))
     return out

@@ -1,7 +1,8 @@
 """Fit a second-order step response with delay to steps: K, natural frequency, damping ratio, delay, bandwidth.
 
 H(s) = K wn^2 e^(-d s) / (s^2 + 2 z wn s + wn^2). Its step response, for the poles p = wn (-z +- sqrt(z^2 - 1)):
-1 + (p2 e^(p1 t) - p1 e^(p2 t)) / (p1 - p2), over- and underdamped alike.
+1 + (p2 e^(p1 t) - p1 e^(p2 t)) / (p1 - p2), over- and underdamped alike. A swing that goes on from before the step is
+taken from the angles before it and added.
 """
 
 from __future__ import annotations
@@ -74,14 +75,48 @@ def step_answer(t: np.ndarray, wn: float, zeta: float) -> np.ndarray:
 
 
 def fitted(trace: Trace) -> list[Step]:
-    """Find the steps of a trace and fit each of them."""
-    return [fit(trace, first, last) for first, last in steps(trace)]
+    """Find the steps of a trace and fit each of them, starting also from the best fit so far."""
+    out = list[Step]()
+    for first, last in steps(trace):
+        out.append(fit(trace, first, last, min(out, key=lambda step: step.rest).servo if out else None))
+    return out
 
 
 def before(trace: Trace, first: int) -> float:
-    """Return the angle, rad, at which the joint rested before the command changed in row `first`."""
+    """Return the mean angle, rad, before the command changed in row `first`."""
     ago = trace.time[first] - trace.time
     return float(trace.q[(ago <= BEFORE + 1e-9) & (ago > LATE - 0.5 * trace.period)].mean())
+
+
+def rested(trace: Trace, first: int, last: int, servo: Servo) -> tuple[float, np.ndarray]:
+    """Return the angle about which the joint stood before a step, rad, and the swing about it that goes on.
+
+    Both are fitted to the angles of one period up to `LATE` before the step, as those of this servo when its command
+    rests. The swing, (n,) rad, is that in rows `first` to `last` (exclusive) if the command had not changed.
+    """
+    t, wn = trace.time, servo.natural_frequency
+    end = int(np.searchsorted(t, t[first] - LATE + 0.5 * trace.period))
+    changes = np.flatnonzero(np.abs(np.diff(trace.q_cmd[:first])) > 1e-9)
+    earliest = t[changes[-1] + 1] + max(servo.delay, 0.0) if len(changes) else t[0]
+    start = int(np.searchsorted(t, max(earliest, t[first] - max(BEFORE, LATE + 2 * np.pi / wn)) - 1e-9))
+    start = min(start, int(np.searchsorted(t, t[first] - BEFORE - 1e-9)))
+    at = np.concatenate([t[start:end], t[first:last]]) - t[start]
+    e11, e12, _, _ = propagator(at, np.array(wn), np.array(servo.damping_ratio))
+    swings, q = np.stack([e11, wn * e12], axis=1), trace.q[start:end]
+    about = swings[: len(q)].mean(axis=0)
+    sizes, *_ = np.linalg.lstsq(swings[: len(q)] - about, q - q.mean(), rcond=None)
+    return float(q.mean() - about @ sizes), swings[len(q) :] @ sizes
+
+
+def propagator(t: np.ndarray | float, wn: np.ndarray, zeta: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return the four entries (n,) of exp(A t) for x'' = -wn^2 x - 2 z wn x'."""
+    root = np.sqrt((zeta**2 - 1.0).astype(complex))
+    root = np.where(np.abs(root) > 1e-6, root, 1e-6)
+    p1, p2 = wn * (-zeta + root), wn * (-zeta - root)
+    a, b = np.exp(p1 * t), np.exp(p2 * t)
+    gap = p1 - p2
+    e11, e12 = (p1 * b - p2 * a) / gap, (a - b) / gap
+    return e11.real, e12.real, (p1 * p2 * (b - a) / gap).real, ((p1 * a - p2 * b) / gap).real
 
 
 def rows(step: Step) -> tuple[int, int]:
@@ -96,16 +131,19 @@ def wound(servo: Servo, band: float, responses: Sequence[Step]) -> np.ndarray:
     """
     pull = np.empty(len(responses))
     for k, step in enumerate(responses):
-        first = rows(step)[0]
-        pull[k] = servo.gain * step.trace.q_cmd[first - 1] - before(step.trace, first)
+        first, last = rows(step)
+        pull[k] = servo.gain * step.trace.q_cmd[first - 1] - rested(step.trace, first, last, servo)[0]
     for trace in {s.trace for s in responses}:
         own = np.array([s.trace is trace for s in responses])
         pull[own] -= np.median(pull[own])
     return np.clip(pull, -band, band)
 
 
-def fit(trace: Trace, first: int, last: int) -> Step:
-    """Fit a second-order servo without friction to the step in rows `first` to `last` (exclusive) of a trace."""
+def fit(trace: Trace, first: int, last: int, like: Servo | None = None) -> Step:
+    """Fit a second-order servo without friction to the step in rows `first` to `last` (exclusive) of a trace.
+
+    `like` is a servo from which the fit starts too.
+    """
     t = trace.time[first:last] - trace.time[first]
     size = float(trace.q_cmd[last - 1] - trace.q_cmd[first - 1])
     change = np.diff(trace.q_cmd[first - 1 : last]) / size
@@ -116,12 +154,16 @@ def fit(trace: Trace, first: int, last: int) -> Step:
 
     def residual(x: np.ndarray) -> np.ndarray:
         wn, zeta = float(np.exp(x[1])), float(np.exp(x[2]))
-        return x[0] * sum(share * step_answer(t - at - x[3], wn, zeta) for at, share in parts) - y
+        rest, swing = rested(trace, first, last, Servo(x[0], wn, zeta, x[3]))
+        answer = x[0] * sum(share * step_answer(t - at - x[3], wn, zeta) for at, share in parts)
+        return answer - (trace.q[first:last] - rest - swing) / size
 
     low = [-1.0, np.log(0.5), np.log(0.02), -LATE]
     high = [3.0, np.log(2000.0), np.log(20.0), max(0.2, 3 * trace.period)]
     edge = np.array(low) + 1e-9, np.array(high) - 1e-9
     starts = [[end, np.log(wn), np.log(0.7), late] for wn in STARTS for late in (0.0, _onset(t, y, end))]
+    if like is not None:
+        starts.append([like.gain, np.log(like.natural_frequency), np.log(like.damping_ratio), like.delay])
     near = sorted((np.clip(x0, *edge) for x0 in starts), key=lambda x0: float(np.sum(residual(x0) ** 2)))[:TRIED]
     tries = [optimize.least_squares(residual, x0, bounds=(low, high), x_scale=[0.1, 0.3, 0.3, 0.01]) for x0 in near]
     best = min(tries, key=lambda solution: solution.cost)

@@ -168,7 +168,8 @@ def _problem(responses: Sequence[Step], start: Servo) -> _Problem:
     for k, (step, (a, b)) in enumerate(zip(responses, spans, strict=True)):
         trace = step.trace
         time = trace.time[a:b] - step.start
-        rest[k], command[k] = steps.before(trace, a), trace.q_cmd[a - 1]
+        command[k] = trace.q_cmd[a - 1]
+        rest[k], swing = steps.rested(trace, a, b, start)
         change = (trace.q_cmd[a:b] - command[k]) / step.size
         total = np.concatenate([[0.0], np.cumsum(change[:-1] * np.diff(time))])  # each command is held for its row
         whole = np.interp(grid, time, total)
@@ -176,7 +177,7 @@ def _problem(responses: Sequence[Step], start: Servo) -> _Problem:
         goals[k] = np.diff(whole) / dt
         some = np.unique(np.linspace(0, len(time) - 1, shape[1]).round().astype(int))
         t[k, : len(some)], weight[k, : len(some)] = time[some], 1.0 / np.sqrt(len(some))
-        y[k, : len(some)] = (trace.q[a:b][some] - rest[k]) / step.size
+        y[k, : len(some)] = (trace.q[a:b][some] - rest[k] - swing[some]) / step.size
     size = np.array([s.size for s in responses])
     trace_of = np.array([traces.index(s.trace) for s in responses])
     return _Problem(goals, float(dt), t, y, weight, size, command, rest, trace_of, len(traces))
@@ -241,7 +242,7 @@ def _integrated(
     interval is taken as linear in time.
     """
     n, count = goals.shape
-    e11, e12, e21, e22 = _propagator(dt, wn, zeta)
+    e11, e12, e21, e22 = steps.propagator(dt, wn, zeta)
     q, v = np.zeros((count + 1, n)), np.zeros((count + 1, n))
     x, dx = np.zeros(n), np.zeros(n)
     for k in range(count):
@@ -262,17 +263,6 @@ def _integrated(
         x, dx = np.where(way == 0.0, x, then), np.where(way == 0.0, 0.0, speed)
         q[k + 1], v[k + 1] = x, dx
     return q.T, v.T
-
-
-def _propagator(dt: float, wn: np.ndarray, zeta: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return the four entries (n,) of exp(A dt) for x'' = -wn^2 x - 2 z wn x'."""
-    root = np.sqrt((zeta**2 - 1.0).astype(complex))
-    root = np.where(np.abs(root) > 1e-6, root, 1e-6)
-    p1, p2 = wn * (-zeta + root), wn * (-zeta - root)
-    a, b = np.exp(p1 * dt), np.exp(p2 * dt)
-    gap = p1 - p2
-    e11, e12 = (p1 * b - p2 * a) / gap, (a - b) / gap
-    return e11.real, e12.real, (p1 * p2 * (b - a) / gap).real, ((p1 * a - p2 * b) / gap).real
 
 
 def _groups(
