@@ -136,6 +136,19 @@ def test_a_normal_force_of_0_is_refused_in_one_line(here, capsys):
     assert "row 3" in said and "no coefficient of friction above 0" in said
 
 
+@pytest.mark.parametrize("option", [["--mass", "mass.yaml"], ["--axes", "x", "z"]])
+def test_what_is_for_plumb_lines_is_refused_beside_wrenches(here, option, capsys):
+    down = np.array([[0, 0, -1], [0, -1, 0], [-1, 0, 0], [0, 0, 1], [0, 1, 0.5]])
+    rows = np.hstack([2 * 9.81 * down, np.cross([0.0, 0.0, 0.1], 2 * 9.81 * down), down])
+    np.savetxt(here / "com.csv", rows, delimiter=",", header="fx,fy,fz,tx,ty,tz,gx,gy,gz", comments="")
+    assert main(["measure", "mass", "mass.csv", "--resolution", "mass_g=1", "--out", "mass.yaml"]) == 0
+    assert main(["measure", "com", "com.csv", "--out", "com.yaml"]) == 0
+    capsys.readouterr()
+    assert main(["measure", "com", "com.csv", *option, "--out", "com2.yaml"]) == 2
+    assert f"com.csv: {option[0]}: is for plumb lines" in " ".join(capsys.readouterr().err.split())
+    assert not (here / "com2.yaml").exists()
+
+
 @pytest.mark.parametrize(
     ("argv", "said"),
     [

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from made import recording
 from typed import convert
 
+from vispeg.api.recording.convert import convert as convert_file
 from vispeg.core.errors import UserError
 from vispeg.formats.yaml_data import parse_yaml
 from vispeg.recordings.checks.quality import Limits
@@ -126,6 +127,22 @@ def test_an_archive_without_times_takes_the_stated_rate(tmp_path):
     np.savez(tmp_path / "run.npz", q=rec.q, episode=rec.episode)
     back = import_npz(tmp_path / "run.npz", "iiwa14", JOINTS, ColumnMap(rate_hz=50.0))
     assert np.allclose(back.time, np.tile(np.arange(40) / 50, 2)) and back.rate_hz == 50
+
+
+def test_a_stated_rate_counts_before_the_file_s_own_time_and_never_beside_the_map_s(tmp_path):
+    rec = recording(60)
+    folder = write(rec, tmp_path / "r")
+    np.savez(tmp_path / "run.npz", q=rec.q, time=rec.time)
+    out, two = tmp_path / "out", ColumnMap(recording={"joints": list(JOINTS)})
+    for file in (folder / "samples.csv", tmp_path / "run.npz"):
+        with pytest.warns(UserWarning, match=f"{file}: its `time` is not used: 50 samples a second are stated"):
+            back = convert_file(file, "iiwa14", out, mapping=two, rate_hz=50, overwrite=True)
+        assert np.allclose(back.time, np.arange(60) / 50)
+    for time in ("time", "{rate_hz: 100}"):
+        (tmp_path / "map.yaml").write_text(f"time: {time}\n")
+        with pytest.raises(UserError, match="map.yaml: rate_hz: the map states the time too"):
+            convert_file(folder / "samples.csv", "iiwa14", tmp_path / "new", mapping=tmp_path / "map.yaml", rate_hz=50)
+    assert not (tmp_path / "new").exists()
 
 
 def save_npz(file, **arrays):

@@ -20,7 +20,7 @@ from vispeg.measure import com, friction, mass, restitution, stiffness
 from vispeg.measure.becomes import payload, placed, scaled, undeclared
 from vispeg.measure.from_recordings import at_rest, declared_tool, presses, slides
 from vispeg.measure.outcome import Outcome
-from vispeg.measure.readings import Readings, of_instruments, read
+from vispeg.measure.readings import Readings, choose, of_instruments, read
 from vispeg.robots.scene import FIXTURE
 from vispeg.worlds.measurement_file import Measurement, Quantity, load_measurement
 
@@ -99,8 +99,15 @@ def measure_com(
     tool = (0.0, np.zeros(3)) if _is_table(paths) else declared_tool(paths)  # mass, kg, and centre, m
 
     def measure(rng: np.random.Generator) -> Outcome:
-        if _is_table(paths):
-            return com.measure(_table(paths[0], settings), rng)
+        table = _table(paths[0], settings) if _is_table(paths) else None
+        if table is None or choose(table, com.FORMS) == "attitudes":
+            for key, stated in (("--mass", mass_file is not None), ("--axes", tuple(axes) != ("x", "y"))):
+                if stated:
+                    raise UserError(
+                        "is for plumb lines", file=paths[0], key=key, expected=f"no {key}: wrenches tell mass and axes"
+                    )
+        if table is not None:
+            return com.measure(table, rng)
         outcome = com.attitudes(_with_instruments(at_rest(paths), settings), rng)
         if not tool[0]:
             return outcome

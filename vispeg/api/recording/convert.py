@@ -90,6 +90,9 @@ def convert(
         expected = "no `motors`: the constants are those at the joint"
         raise UserError("are not used with motors of a map", file=columns.file, key=KEY, expected=expected)
     if rate_hz is not None:
+        if "time" in columns.columns or columns.rate_hz not in (None, rate_hz):
+            expected = "one of both: no --rate-hz, or no `time` in the map"
+            raise UserError("the map states the time too", file=columns.file, key="--rate-hz", expected=expected)
         columns = replace(columns, rate_hz=checked_rate(rate_hz, "--rate-hz"))
     if column_names:
         columns = replace(columns, dialect=replace(columns.dialect, names=tuple(column_names)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -57,12 +58,18 @@ def cleaned(
     return _held(_cut(columns, source, numbers), source), numbers
 
 
-def counted(episode: np.ndarray | None, rows: int) -> np.ndarray:
-    """Return each sample's index within its episode, (rows,)."""
-    if episode is None:
-        return np.arange(rows, dtype=float)
-    starts = np.flatnonzero(np.diff(episode, prepend=np.nan) != 0)
-    return np.arange(rows, dtype=float) - np.repeat(starts, np.diff(np.append(starts, rows)))
+def counted(episode: np.ndarray | None, rows: int, rate_hz: float, source: Path, named: Collection[str]) -> np.ndarray:
+    """Return each sample's time from the start of its episode at a stated rate, (rows,) s.
+
+    A note says so if the source, of columns or arrays `named`, has a `time` of its own.
+    """
+    if "time" in named:
+        note(f"{source}: its `time` is not used: {rate_hz:g} samples a second are stated")
+    index = np.arange(rows, dtype=float)
+    if episode is not None:
+        starts = np.flatnonzero(np.diff(episode, prepend=np.nan) != 0)
+        index -= np.repeat(starts, np.diff(np.append(starts, rows)))
+    return index / rate_hz
 
 
 def _cut(columns: dict[str, np.ndarray], source: Path, rows: range | np.ndarray) -> dict[str, np.ndarray]:

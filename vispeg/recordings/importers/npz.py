@@ -59,7 +59,7 @@ def import_npz(
         rows = len(values)
         columns |= dict(zip(tails, values.T, strict=True))
     if mapping.rate_hz is not None:
-        columns["time"] = counted(columns.get("episode"), rows or 0) / mapping.rate_hz
+        columns["time"] = counted(columns.get("episode"), rows or 0, mapping.rate_hz, source, arrays)
     return build(columns, source, robot, joints, mapping, **header)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.formats.arrays import read_arrays
+from vispeg.recordings.importers.clock import counted
 from vispeg.recordings.objects import ObjectRecording, rates
 from vispeg.recordings.tables.table import MAX_BYTES
 
@@ -64,7 +65,7 @@ def import_object(
             raise UserError("does not increase", file=source, key="time", expected="seconds, rising in each toss")
         rate_hz = float(1 / np.median(steps))
     else:
-        time = np.concatenate([np.arange(n) for n in np.diff(edges)])[rows] / rate_hz
+        time = counted(episode, len(episode), rate_hz, source, arrays)
     pose = state[rows, :7].copy()
     pose[:, 3:] /= np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
     rate = state[rows, 7:] if state.shape[1] == 13 else rates(pose, time, episode)

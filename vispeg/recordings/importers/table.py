@@ -64,7 +64,7 @@ def from_table(
         if target not in columns and target in table.names:
             columns[target] = table.number(target)
     if mapping.rate_hz is not None:
-        columns["time"] = counted(columns.get("episode"), table.rows) / mapping.rate_hz
+        columns["time"] = counted(columns.get("episode"), table.rows, mapping.rate_hz, source, table.names)
     if "time" not in columns:
         said = "has no column `time`; a map can say which it is, or --rate-hz how many samples a second there are"
         raise UserError(said, file=source, choices=table.names)
