@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vispeg.recordings.differentiate import bridged, smooth
+from vispeg.recordings.differentiate import bridged, episodes, smooth
 
 RATE = 500.0
 
@@ -99,3 +99,9 @@ def test_a_clock_in_a_wrong_unit_or_in_bursts_costs_no_memory():
         tracemalloc.stop()
         assert peak < 100e6 and np.isfinite(q).all()
     assert np.allclose(q[:, 0], np.sin(time / time[-1]), atol=0.01)
+
+
+def test_a_clock_is_split_where_it_steps_back_and_not_where_a_row_repeats_its_time():
+    time = np.array([0.0, 0.1, 0.1, 0.2, 0.0, 0.1])
+    assert [rows.tolist() for rows in episodes(time)] == [[0, 1, 2, 3], [4, 5]]
+    assert [rows.tolist() for rows in episodes(time, np.array([3, 3, 7, 7, 7, 7]))] == [[0, 1], [2, 3], [4, 5]]

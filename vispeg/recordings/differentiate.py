@@ -63,11 +63,11 @@ def bridged(time: np.ndarray, values: np.ndarray, episode: np.ndarray | None = N
 
 
 def episodes(time: np.ndarray, episode: np.ndarray | None = None) -> list[np.ndarray]:
-    """Return the row numbers of each stretch over which `time` (n,) increases and `episode` (n,) stays the same.
+    """Return the row numbers of each stretch over which `time` (n,) never steps back and `episode` (n,) stays the same.
 
     Without `episode`, as time may go on from one to the next, episodes are separated only where time steps back.
     """
-    new = np.diff(time) <= 0
+    new = np.diff(time) < 0
     if episode is not None:
         new |= np.diff(episode) != 0
     return [rows for rows in np.split(np.arange(len(time)), np.flatnonzero(new) + 1) if len(rows)]
@@ -99,7 +99,7 @@ def usual_rate(time: np.ndarray, runs: Sequence[np.ndarray], span: float = 1.0) 
 
     Args:
         time: (n,) s.
-        runs: row numbers of each stretch over which time increases, as `episodes` returns them.
+        runs: row numbers of each stretch over which time never steps back, as `episodes` returns them.
         span: s; a shorter run counts as one stretch.
     """
     rates: list[float] = []

@@ -11,6 +11,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.formats.guard import refuse_special
+from vispeg.recordings.differentiate import episodes
 from vispeg.recordings.resample import linear
 from vispeg.recordings.tables.stores import EPISODES, READERS, read_store
 from vispeg.recordings.tables.table import MAX_BYTES, Reading, Table, check_rows
@@ -145,11 +146,11 @@ def _joined(folder: Path, tables: Sequence[Table]) -> dict[str, np.ndarray]:
     first = next((i for i, t in enumerate(tables) if re.search("pos|angle|state|_q|q_", t.file.stem.lower())), None)
     first = max(range(len(tables)), key=lambda i: tables[i].rows) if first is None else first
     time = tables[first].columns[clocks[first]]
-    runs = _runs(time)
+    runs = episodes(time)
     out = {clocks[first]: time}
     for table, clock in zip(tables, clocks, strict=True):
         at = table.columns[clock]
-        own = _runs(at) if len(runs) > 1 else [slice(len(at))]
+        own = episodes(at) if len(runs) > 1 else [np.arange(len(at))]
         if len(own) != len(runs):
             expected = f"{len(runs)}, as in {tables[first].file.name}"
             raise UserError("has another number of runs", file=table.file, key=clock, expected=expected, got=len(own))
@@ -159,13 +160,9 @@ def _joined(folder: Path, tables: Sequence[Table]) -> dict[str, np.ndarray]:
     return out
 
 
-def _runs(time: np.ndarray) -> list[slice]:
-    """Return the rows of each stretch over which a clock (n,) does not step back."""
-    edges = [0, *(np.flatnonzero(np.diff(time) < 0) + 1).tolist(), len(time)]
-    return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
-
-
-def _onto(time: np.ndarray, at: np.ndarray, table: Table, names: Sequence[str], rows: slice) -> dict[str, np.ndarray]:
+def _onto(
+    time: np.ndarray, at: np.ndarray, table: Table, names: Sequence[str], rows: np.ndarray
+) -> dict[str, np.ndarray]:
     """Bring the `rows` of a table's columns, whose times are `at` (m,), onto the times (n,) of one run.
 
     Raises:
