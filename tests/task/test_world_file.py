@@ -23,6 +23,7 @@ from vispeg.sim.export import to_mjcf
 from vispeg.sim.placement import activate
 from vispeg.task.registry import config_of
 from vispeg.task.world_file import LATER, built_in, load_world, world_hash, world_text
+from vispeg.worlds import places
 from vispeg.worlds.distribution import Normal, Uniform
 from vispeg.worlds.measurement_file import Measurement, Quantity, measurement_text
 from vispeg.worlds.world import World
@@ -151,6 +152,21 @@ def test_what_was_identified_wins_over_the_base_at_the_same_place(world, tmp_pat
     alone = {r.label: r.params for r in load_world(world("alone", model="model.yaml")).world.ranges}
     assert {r.label: r.params for r in found if r.where != "each"} == alone, "and nothing of the base's is left there"
     assert [r.where for r in found][0] == "each", "the wide range comes first, so that the narrow one wins"
+
+
+@pytest.mark.parametrize("order", [("all", "each"), ("each", "all")])
+def test_of_all_and_each_in_one_file_the_later_counts_where_its_chance_lets_it_act(order, world):
+    first, last = (
+        {"effect": "viscous_friction", "where": where, "params": {"damping": damping}, "chance": chance}
+        for where, damping, chance in zip(order, (0.1, 0.2), (1.0, 0.5), strict=True)
+    )
+    drawn, model = load_world(world("w", effects=[first, last])).world, SCENE
+    damping = [
+        places.values(effect("viscous_friction"), [drawn.sample(seed, model).effects], model)["damping"]
+        for seed in range(20)
+    ]
+    assert {float(row) for rows in damping for row in rows.ravel()} == {0.1, 0.2}
+    assert all(np.ptp(rows) == 0 for rows in damping) or order[1] == "each"  # each joint has its own chance
 
 
 @pytest.mark.parametrize("where", ["all", "each"])
@@ -343,6 +359,10 @@ def test_a_wrong_entry_is_one_clear_line(case, world):
         ({"effects": {}}, "a list"),
         ({"task": []}, "a mapping"),
         ({"effects": [FRICTION, FRICTION]}, "given twice"),
+        (
+            {"effects": [FRICTION | {"where": "all"}, FRICTION | {"where": "each"}]},
+            "effects[1]: contact_friction(each) leaves nothing of contact_friction(all)",
+        ),
         ({"effects": ["contact_friction"]}, "a mapping"),
         ({"base": "randomised"}, "did you mean 'randomized'"),
         ({"model": "nowhere.yaml"}, "nowhere.yaml: no such file"),

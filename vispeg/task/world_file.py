@@ -247,6 +247,12 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> str:
         r = ranged(entry, scene, path, f"effects[{i}]")
         if (r.effect, r.where) in own:
             raise UserError(f"{r.label} is given twice", file=path, key=f"effects[{i}]")
+        above_it = [o for o, _ in own.values() if o.effect == r.effect and o.where in MANY and r.where in MANY]
+        if above_it and r.chance == 1.0:  # of two at one place the later counts, see `places.values`
+            expected = "one of both, or a `chance` below 1 of the later"
+            raise UserError(
+                f"{r.label} leaves nothing of {above_it[0].label}", file=path, key=f"effects[{i}]", expected=expected
+            )
         own[r.effect, r.where] = r, f"effects[{i}]"
     _lay(parts, own, [r for r in identified if (r.effect, r.where) not in own], path)
     return name
