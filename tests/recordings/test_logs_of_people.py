@@ -425,6 +425,15 @@ def test_an_empty_line_of_one_column_is_an_empty_cell(tmp_path):
         assert np.array_equal(table.columns["a"], column, True) if column else table.text["a"] == (4, "on")
 
 
+def test_a_row_without_its_time_is_named(tmp_path, arm):
+    """As a row whose cells were cleared in a spreadsheet, which leaves the separators."""
+    file = table(tmp_path / "log.csv", PLAIN)
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join([*lines[:400], "," * (len(PLAIN) - 1), *lines[400:]]))
+    with pytest.raises(UserError, match="row 401, column time: is missing or infinite; expected a time in every row"):
+        propose(file, arm)
+
+
 def test_dates_have_no_unit_and_one_form(tmp_path, arm):
     dates = [f"2026-03-28T12:00:{t:09.6f}Z" for t in TIME]
     file = table(tmp_path / "log.csv", PLAIN | {"time": dates})

@@ -506,6 +506,10 @@ def _time(
             why = "no column is the time; at this rate the measured speeds are the change of the angles"
             return Line("time", "", "", why, "measured", rate_hz=found)
         if not running:
+            for name, there in ((m.name, np.isfinite(table.columns[m.name])) for m in named):
+                if not there.all() and values.increases(table.columns[name][there]):
+                    key = f"{table.row(np.flatnonzero(~there)[0])}, column {name}"
+                    raise UserError("is missing or infinite", file=table.file, key=key, expected="a time in every row")
             expected = "one that increases; or --rate-hz, how many samples a second there are"
             raise UserError("no column looks like the time", file=table.file, expected=expected, choices=table.names)
         out.doubts.append(f"no column is called time: {running[0].name} increases by even steps")
