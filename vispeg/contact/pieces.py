@@ -19,6 +19,7 @@ from scipy.ndimage import uniform_filter1d
 from vispeg.contact.hand import PRIORITY
 from vispeg.contact.path import Path, tips
 from vispeg.effects.common.parts import shapes
+from vispeg.effects.common.solref import times
 from vispeg.effects.contact.contact_stiffness import scaled
 from vispeg.robots.scene import TOUCHED, UNTOUCHED, Scene
 
@@ -90,8 +91,7 @@ def less_damped(solref: np.ndarray, share: np.ndarray) -> np.ndarray:
     with contacts, ICRA). In the cell that is 0.1 mm at 60 mm/s, which would hide a soft contact. The hand's own dampers
     stay.
     """
-    share = np.maximum(share, LEAST)
-    return np.stack([solref[..., 0] / share, solref[..., 1] * share], axis=-1)
+    return times(solref, damping=np.maximum(share, LEAST))
 
 
 def tip_places(path: Path, scene: Scene) -> np.ndarray:

@@ -25,6 +25,7 @@ from vispeg.diagnosis.schema import NextMotion, ShowsFrom
 from vispeg.diagnosis.selection.plain import PlainSearch
 from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.window_profile import profile, sizes
+from vispeg.effects.common.solref import damping_ratio, springs
 from vispeg.effects.contact.restitution import rebound
 from vispeg.identify.fit import Fit
 from vispeg.identify.pool import Submit
@@ -160,9 +161,9 @@ def diagnose_object(
 
 
 def contact_numbers(model: ObjectModel, world: World) -> dict[str, float]:
-    """Return friction coefficient, time constant (s) and damping ratio of the object's contacts in a world.
+    """Return friction, restitution, time constant (s) and damping ratio of the object's contacts in a world.
 
-    Restitution is added if the contact is given by time constant and damping ratio (both positive).
+    A contact without damping has no time constant.
     """
     from mujoco.batch import Batch
 
@@ -175,10 +176,15 @@ def contact_numbers(model: ObjectModel, world: World) -> dict[str, float]:
     for a in activate(model, [world]):
         a.effect.write(fields, a.p)
     geom = int(np.flatnonzero(compiled.geom_bodyid == compiled.body(model.name).id)[0])
-    time, ratio = fields["geom_solref"][0, geom]
-    friction = fields["geom_friction"][0, geom, 0]
-    out = {"friction": float(friction), "time_constant_s": float(time), "damping_ratio": float(ratio)}
-    return out | ({"restitution": float(rebound(np.array(ratio)))} if ratio > 0 and time > 0 else {})
+    solref = fields["geom_solref"][0, geom]
+    _, damping = springs(solref)
+    ratio = damping_ratio(solref)
+    return {
+        "friction": float(fields["geom_friction"][0, geom, 0]),
+        **({"time_constant_s": 2 / float(damping)} if damping > 0 else {}),
+        "damping_ratio": float(ratio),
+        "restitution": float(rebound(ratio)),
+    }
 
 
 def windows(search: ObjectSearch, before: World, after: World) -> list[Mapping[str, object]]:

@@ -19,6 +19,7 @@ from vispeg.core.params import Value
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.schema import NotExcited
 from vispeg.effects.common.parts import shapes
+from vispeg.effects.common.solref import damping_ratio
 from vispeg.effects.contact.restitution import rebound
 from vispeg.recordings.checks.extent import lacks_blows
 from vispeg.recordings.recording import Recording
@@ -173,8 +174,7 @@ def _rivals(world: World, scene: Scene, some: Sequence[Blow], most: float, nthre
 def _restitution(scene: Scene, where: str, scale: float) -> float:
     """Return the coefficient of restitution of the contact with its damping scaled."""
     model = compiled(scene)
-    z = float(model.geom_solref[shapes(model, where)[0], 1])
-    return float(rebound(np.array(scale * z)))
+    return float(rebound(scale * damping_ratio(model.geom_solref[shapes(model, where)[0]])))
 
 
 def _unseen(groups: Mapping[str, tuple[Sequence[Recording], Sequence[Blow]]]) -> tuple[NotExcited, ...]:

@@ -14,6 +14,7 @@ from vispeg.contact.inputs import ContactItem
 from vispeg.contact.path import tips
 from vispeg.core.rules import RULES
 from vispeg.effects.common.parts import shapes
+from vispeg.effects.common.solref import springs
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
 
@@ -21,13 +22,13 @@ from vispeg.sim.compiled import compiled
 def softness(scene: Scene) -> float:
     """Return the compliance in m/N of one contact of the held part at low force: `(1 - d) w / (d k)`.
 
-    Here `k = d / (d1 T z)^2` with solref (T, z) and solimp (d, d1, ..), and w is the inverse weight of the part's body.
-    Source: MuJoCo 4.0 manual, Modeling, Solver parameters.
+    Here `k = K d / d1^2` with solref's stiffness K and solimp (d, d1, ..), and w is the inverse weight of the part's
+    body. Source: MuJoCo 4.0 manual, Modeling, Solver parameters.
     """
     model = compiled(scene)
     body, geom = model.body(scene.held).id, shapes(model, scene.held)[0]
-    (time, ratio), (d, d1) = model.geom_solref[geom, :2], model.geom_solimp[geom, :2]
-    return float((1 - d) * model.body_invweight0[body, 0] * (d1 * time * ratio / d) ** 2)
+    (stiffness, _), (d, d1) = springs(model.geom_solref[geom]), model.geom_solimp[geom, :2]
+    return float((1 - d) * model.body_invweight0[body, 0] * (d1 / d) ** 2 / stiffness)
 
 
 def wedging(item: ContactItem) -> np.ndarray:

@@ -1,17 +1,16 @@
 """Contact damping: a part's contacts damp `scale` times as much as nominal, at the same stiffness.
 
-Native mechanism: `geom_solref` = (time constant, damping ratio); damping goes as 1 / time constant and stiffness as
-1 / (time constant x ratio)^2, so the ratio is multiplied and the time constant divided by `scale`. Source: MuJoCo 4.0
-manual, Modeling, Solver parameters.
+Native mechanism: `geom_solref` in either of its forms, see `vispeg.effects.common.solref`. Of (time constant, damping
+ratio) the ratio is multiplied and the time constant divided by `scale`. Source: MuJoCo 4.0 manual, Modeling, Solver
+parameters.
 """
 
 from __future__ import annotations
 
-import numpy as np
-
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
 from vispeg.effects.common.parts import changed, touching
+from vispeg.effects.common.solref import times
 
 
 class ContactDamping(Effect):
@@ -31,7 +30,6 @@ class ContactDamping(Effect):
         return touching(model)
 
     def write(self, fields, p):
-        time_constant, ratio = np.moveaxis(fields["geom_solref"], -1, 0)
+        solref = fields["geom_solref"]
         for at, scale in changed(fields, p["scale"], 1.0):
-            time_constant[at] /= scale
-            ratio[at] *= scale
+            solref[at] = times(solref[at], damping=scale)

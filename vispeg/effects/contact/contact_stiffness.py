@@ -1,13 +1,14 @@
 """Contact stiffness: a part's contacts are `scale` times as stiff as nominal: any load presses them 1 / scale as deep.
 
-At rest under a load f, a contact is pressed r deep by `f = d / (1 - d) k r / w` with `k = d / (d1 T z)^2`. Here d is
-the impedance at the depth r and d1 that at full depth (`geom_solimp`), T the time constant, z the damping ratio
-(`geom_solref`), and w the inverse weight of what the contact moves. Native mechanism: the odds `d / (1 - d)` of
-`geom_solimp` are scaled, its width, the depth over which a contact grows stiffer, is divided by `scale`, and T of
-`geom_solref` is set so that k stays. A longer T alone would do the same at rest, but contacts would respond late. An
-impact takes T whatever the impedance: its peak force falls only by a fifth at a `scale` of 0.1. At 15 N per contact and
-a `scale` of 0.02 the depth is 5 % less than 1 / scale times nominal. MuJoCo keeps T above two physics steps; near that
-limit a contact is up to 1.5 times as soft. Source: MuJoCo 4.0 manual, Modeling, Solver parameters.
+At rest under a load f, a contact is pressed r deep by `f = d / (1 - d) k r / w` with `k = K d / d1^2`. Here d is the
+impedance at the depth r and d1 that at full depth (`geom_solimp`), K the stiffness of `geom_solref`, 1 / (T z)^2 with
+time constant T and damping ratio z, and w the inverse weight of what the contact moves. Native mechanism: the odds
+`d / (1 - d)` of `geom_solimp` are scaled, its width, the depth over which a contact grows stiffer, is divided by
+`scale`, and T of `geom_solref` is set so that k stays, in either of its forms (see `vispeg.effects.common.solref`). A
+longer T alone would do the same at rest, but contacts would respond late. An impact takes T whatever the impedance: its
+peak force falls only by a fifth at a `scale` of 0.1. At 15 N per contact and a `scale` of 0.02 the depth is 5 % less
+than 1 / scale times nominal. MuJoCo keeps T above two physics steps; near that limit a contact is up to 1.5 times as
+soft. Source: MuJoCo 4.0 manual, Modeling, Solver parameters.
 """
 
 from __future__ import annotations
@@ -17,15 +18,16 @@ import numpy as np
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
 from vispeg.effects.common.parts import changed, touching
+from vispeg.effects.common.solref import times
 
 
 def scaled(solref: np.ndarray, solimp: np.ndarray, scale: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
     """Return `solref` (..., 2) and `solimp` (..., 5) of contacts that are `scale` (...) times as stiff."""
     d, d1, width = np.moveaxis(solimp[..., :3], -1, 0)
     soft, soft1 = (scale * e / (1 - e + scale * e) for e in (d, d1))
-    time = solref[..., 0] * np.sqrt(soft / d) * d1 / soft1
+    rate = np.sqrt(d / soft) * soft1 / d1
     new = np.concatenate([np.stack([soft, soft1, width / scale], -1), solimp[..., 3:]], -1)
-    return np.stack([time, solref[..., 1]], -1), new
+    return times(solref, stiffness=rate**2, damping=rate), new
 
 
 class ContactStiffness(Effect):
