@@ -168,6 +168,10 @@ def test_what_is_no_object_is_refused(cube, tmp_path):
     assert is_object(cube) and not is_object(tmp_path / "two.xml")
     with pytest.raises(UserError, match="not a free object"):
         load_object(tmp_path / "two.xml")
+    for solref in ("0.02 -1", "-1000 1", "0 0", "0 -10", "0.02 0"):  # MuJoCo takes its default, or no stiffness
+        (tmp_path / "mixed.xml").write_text(CUBE.replace("<geom type", f'<geom solref="{solref}" type'))
+        with pytest.raises(UserError, match="solref: impossible contact of geom of body 'cube'"):
+            load_object(tmp_path / "mixed.xml")
     with pytest.raises(UserError, match="another object"):
         Restarts([replace(tossed(8, 1), name_of="ball")], load_object(cube), 0.04)
 

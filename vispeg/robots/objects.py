@@ -86,8 +86,8 @@ def load_object(source: str | Path) -> ObjectModel:
     """Load the free object in an MJCF file.
 
     Raises:
-        UserError: the file cannot be read, does not have exactly one joint, which is free, or the body lacks a name, a
-            mass or a collision shape.
+        UserError: the file cannot be read, does not have exactly one joint, which is free, the body lacks a name, a
+            mass or a collision shape, or a shape has an impossible `solref`.
     """
     path = Path(source).expanduser()
     if not is_file(path):
@@ -111,6 +111,8 @@ def load_object(source: str | Path) -> ObjectModel:
         raise UserError(
             f"body '{body.name}' lacks a shape or a mass", file=path, expected="a collision shape and a mass"
         )
+    for geom in shapes:
+        _check_solref(geom, path)
     most = max((geom.priority for geom in spec.geoms), default=0)
     for geom in shapes:
         geom.priority = most + 1
@@ -118,3 +120,17 @@ def load_object(source: str | Path) -> ObjectModel:
         for element in list(group):
             spec.delete(element)
     return ObjectModel(body.name, str(path.resolve()), spec.copy)
+
+
+def _check_solref(geom: mujoco.MjsGeom, path: Path) -> None:
+    """Check that a geom's `solref` is in one form and has a stiffness. MuJoCo replaces mixed forms by its default."""
+    first, second = (float(v) for v in geom.solref)
+    if not (min(first, second) > 0 or first < 0 and second <= 0):
+        name = f"'{geom.name}'" if geom.name else f"of body '{geom.parent.name}'"
+        raise UserError(
+            f"impossible contact of geom {name}",
+            file=path,
+            key="solref",
+            expected="time constant > 0 and damping ratio > 0, or -stiffness < 0 and -damping <= 0",
+            got=f"{first:g} {second:g}",
+        )
