@@ -176,6 +176,20 @@ def test_what_is_no_object_is_refused(cube, tmp_path):
         Restarts([replace(tossed(8, 1), name_of="ball")], load_object(cube), 0.04)
 
 
+@pytest.mark.parametrize(
+    ("key", "before", "more"),
+    [
+        ("pair", "</mujoco>", '<contact><pair geom1="table" geom2="shape"/></contact></mujoco>'),
+        ("override", "<worldbody>", '<option><flag override="enable"/></option><worldbody>'),
+    ],
+)
+def test_contact_parameters_that_effects_cannot_reach_are_refused(tmp_path, key, before, more):
+    """With a contact pair or the override, MuJoCo ignores the geoms' parameters, and every effect does nothing."""
+    (tmp_path / "cube.xml").write_text(CUBE.replace("<geom type", '<geom name="shape" type').replace(before, more))
+    with pytest.raises(UserError, match=f"{key}: replaces .* at the body's geoms alone"):
+        load_object(tmp_path / "cube.xml")
+
+
 def test_a_killed_diagnosis_goes_on(cube, tmp_path):
     for seed, name in ((1, "a"), (2, "b")):
         write_object(tossed(seed, count=8, friction=0.25), tmp_path / name)

@@ -87,7 +87,7 @@ def load_object(source: str | Path) -> ObjectModel:
 
     Raises:
         UserError: the file cannot be read, does not have exactly one joint, which is free, the body lacks a name, a
-            mass or a collision shape, or a shape has an impossible `solref`.
+            mass or a collision shape, a shape has an impossible `solref`, or a contact pair or `override` rules.
     """
     path = Path(source).expanduser()
     if not is_file(path):
@@ -111,6 +111,7 @@ def load_object(source: str | Path) -> ObjectModel:
         raise UserError(
             f"body '{body.name}' lacks a shape or a mass", file=path, expected="a collision shape and a mass"
         )
+    _check_rules(spec, body, path)
     for geom in shapes:
         _check_solref(geom, path)
     most = max((geom.priority for geom in spec.geoms), default=0)
@@ -120,6 +121,19 @@ def load_object(source: str | Path) -> ObjectModel:
         for element in list(group):
             spec.delete(element)
     return ObjectModel(body.name, str(path.resolve()), spec.copy)
+
+
+def _check_rules(spec: mujoco.MjSpec, body: mujoco.MjsBody, path: Path) -> None:
+    """Check that nothing replaces the contact parameters of the body's geoms, which contact effects change."""
+    expected = "friction, solref and solimp at the body's geoms alone"
+    if spec.option.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
+        raise UserError("replaces the parameters of all contacts", file=path, key="override", expected=expected)
+    own = {geom.name for geom in body.geoms} - {""}
+    for pair in spec.pairs:
+        names = pair.geomname1, pair.geomname2
+        if own & set(names):
+            between = " and ".join(f"'{name}'" for name in names)
+            raise UserError(f"replaces the contact between {between}", file=path, key="pair", expected=expected)
 
 
 def _check_solref(geom: mujoco.MjsGeom, path: Path) -> None:
