@@ -39,6 +39,7 @@ def one(name: str, **values: float) -> World:
 
 def written(model: ObjectModel, worlds: list[World]) -> mjb.Batch:
     batch = mjb.Batch(model.compile(STEP), len(worlds), nthread=1)
+    batch.expand("opt.tolerance")[:] = 0.0  # forces of some nanometres of depth count, too
     fields = Fields(batch, model)
     for a in activate(model, worlds):
         a.effect.write(fields, a.p)
@@ -88,6 +89,20 @@ def test_a_load_presses_one_over_the_stiffness_as_deep(ball, contact):
     for depth in (1e-6, 1e-4):
         load = holds(batch, depth / scales)
         np.testing.assert_allclose(load / load[0], 1.0, rtol=0.03)
+
+
+@pytest.mark.parametrize(
+    "impedance",
+    ["0.9 0.95 0.001", "0.9 0.95 1e-6", "0.9 0.95 0.001 0.5 1", "0.95 0.9 0.002 0.2 6", "0.5 0.95 0.001"]
+    + ["0 0.95 0.001", "0.9 1 0.001", "1 1 0.001", "0 0 0.001"],  # beyond the limits in which MuJoCo keeps it
+)
+def test_stiffness_scales_at_the_surface_and_at_full_depth_of_any_impedance(ball, impedance):
+    scales = np.array([1.0, 0.02, 0.25, 4.0])
+    model = ball(f'solimp="{impedance}"')
+    batch = written(model, [NOMINAL, *(one("contact_stiffness", scale=s) for s in scales[1:])])
+    for depth in (1e-9, 0.003):
+        load = holds(batch, depth / scales)
+        np.testing.assert_allclose(load / load[0], 1.0, rtol=2e-3)
 
 
 @pytest.mark.parametrize(("contact", "own"), [(STANDARD, 0.5), (DIRECT, 0.5), (SOFT, 10 / 2 / 1000**0.5), (ELASTIC, 0)])

@@ -83,9 +83,9 @@ def test_bounce_damping_and_rest_depth():
     np.testing.assert_array_equal(speed[:, 6], speed[:, 0])
 
 
-@pytest.mark.parametrize(("load", "within"), [(2.0, 0.05), (12.0, 0.05), (60.0, 0.06)])
+@pytest.mark.parametrize(("load", "within"), [(2.0, 0.05), (12.0, 0.05), (60.0, 0.03)])
 def test_a_softer_contact_stands_deeper_under_any_load(load, within):
-    """1 / stiffness times; 60 N on four contacts leave the part of MuJoCo's curve where scaled odds are exact."""
+    """1 / stiffness times; 60 N on four contacts leave the part of MuJoCo's curve where the law is exact."""
     worlds = [NOMINAL, one("contact_stiffness", scale=0.1), one("contact_stiffness", scale=0.02)]
     batch = bench(worlds, (*BESIDE, TOP), 5e-4)
     down = batch.bind("qfrc_applied")
