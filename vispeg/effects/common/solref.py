@@ -16,7 +16,7 @@ def springs(solref: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return stiffness K (...) in 1/s^2 and damping B (...) in 1/s of `solref` (..., 2)."""
     first, second = np.moveaxis(solref, -1, 0)
     with np.errstate(divide="ignore"):  # of the form that a row does not have
-        return np.where(first > 0, (first * second) ** -2.0, -first), np.where(first > 0, 2 / first, -second)
+        return np.where(first > 0, (first * second) ** -2.0, -first), np.where(first > 0, 2 / first, 0.0 - second)
 
 
 def damping_ratio(solref: np.ndarray) -> np.ndarray:
