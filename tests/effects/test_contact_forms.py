@@ -126,3 +126,11 @@ def test_one_contact_in_either_form_is_the_same_with_every_effect(ball):
 def test_a_contact_without_damping_has_no_time_constant(ball):
     stated = contact_numbers(ball(ELASTIC), NOMINAL)
     assert str(stated) == "{'friction': 1.0, 'damping_ratio': 0.0, 'restitution': 1.0}", "no -0.0 in a report"
+
+
+def test_numbers_of_an_object_are_those_of_a_shape_that_touches(ball, tmp_path):
+    """A mesh that is only drawn often comes first in a file, and no effect changes it."""
+    drawn = BALL.replace("<geom size", '<geom size="0.1" contype="0" conaffinity="0" mass="0"/><geom size')
+    (tmp_path / "drawn.xml").write_text(drawn.format(DIRECT))
+    world = one("contact_friction", scale=0.5).add(*one("restitution", e=0.6).effects)
+    assert contact_numbers(load_object(tmp_path / "drawn.xml"), world) == contact_numbers(ball(DIRECT), world)

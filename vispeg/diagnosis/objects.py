@@ -25,6 +25,7 @@ from vispeg.diagnosis.schema import NextMotion, ShowsFrom
 from vispeg.diagnosis.selection.plain import PlainSearch
 from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.window_profile import profile, sizes
+from vispeg.effects.common.parts import shapes
 from vispeg.effects.common.solref import damping_ratio, springs
 from vispeg.effects.contact.restitution import rebound
 from vispeg.identify.fit import Fit
@@ -175,7 +176,7 @@ def contact_numbers(model: ObjectModel, world: World) -> dict[str, float]:
     fields = Fields(batch, model)
     for a in activate(model, [world]):
         a.effect.write(fields, a.p)
-    geom = int(np.flatnonzero(compiled.geom_bodyid == compiled.body(model.name).id)[0])
+    geom = shapes(compiled, model.name)[0]
     solref = fields["geom_solref"][0, geom]
     _, damping = springs(solref)
     ratio = damping_ratio(solref)
