@@ -7,6 +7,7 @@ import pytest
 from mujoco import batch as mjb
 
 from vispeg.core.effect import EffectInstance
+from vispeg.core.errors import UserError
 from vispeg.diagnosis.objects import contact_numbers
 from vispeg.effects.contact.restitution import rebound
 from vispeg.robots.objects import ObjectModel, load_object
@@ -134,3 +135,21 @@ def test_numbers_of_an_object_are_those_of_a_shape_that_touches(ball, tmp_path):
     (tmp_path / "drawn.xml").write_text(drawn.format(DIRECT))
     world = one("contact_friction", scale=0.5).add(*one("restitution", e=0.6).effects)
     assert contact_numbers(load_object(tmp_path / "drawn.xml"), world) == contact_numbers(ball(DIRECT), world)
+
+
+def test_bodies_fixed_to_an_object_are_a_part_of_it(ball, tmp_path):
+    """A shell as a body of its own in the free body: friction, bounce and mass as of one body."""
+    inner = '<geom size="0.05" mass="0.1" {0}/><body name="shell"><geom size="0.1" mass="0.3" {0}/></body></body>'
+    (tmp_path / "shell.xml").write_text(BALL.replace('<geom size="0.1" mass="0.4" {}/></body>', inner).format(DIRECT))
+    worlds = [NOMINAL, one("restitution", e=0.7), one("contact_damping", scale=0.3), one("object_mass", scale=2.0)]
+    model = load_object(tmp_path / "shell.xml")
+    np.testing.assert_allclose(*(bounces(written(m, worlds)) for m in (model, ball(DIRECT))), rtol=1e-9)
+    assert contact_numbers(model, worlds[1]) == contact_numbers(ball(DIRECT), worlds[1])
+    assert written(model, worlds).expand("body_mass")[:, 1:].sum(axis=1) == pytest.approx([0.4, 0.4, 0.4, 0.8])
+
+
+def test_a_part_that_cannot_be_fused_is_refused(tmp_path):
+    part = '<body name="shell" fuse="false"><geom size="0.1"/></body></body>'
+    (tmp_path / "apart.xml").write_text(BALL.replace("</body>", part).format(DIRECT))
+    with pytest.raises(UserError, match=r"bodies that MuJoCo can fuse with 'ball'.*shell"):
+        load_object(tmp_path / "apart.xml")

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.formats.format import enrol
@@ -87,7 +88,8 @@ def load_object(source: str | Path) -> ObjectModel:
 
     Raises:
         UserError: the file cannot be read, does not have exactly one joint, which is free, the body lacks a name, a
-            mass or a collision shape, a shape has an impossible `solref`, or a contact pair or `override` rules.
+            mass or a collision shape, MuJoCo cannot fuse it with bodies fixed to it, a shape has an impossible
+            `solref`, or a contact pair or `override` rules.
     """
     path = Path(source).expanduser()
     if not is_file(path):
@@ -95,6 +97,10 @@ def load_object(source: str | Path) -> ObjectModel:
     check_resources(path)
     try:
         spec = mujoco.MjSpec.from_file(str(path))
+        spec.compiler.fusestatic = True  # of bodies fixed to each other one remains, of which effects change everything
+        for group in (spec.sensors, spec.keys, spec.actuators):
+            for element in list(group):
+                spec.delete(element)
         model = spec.compile()
     except REFUSALS as error:
         raise UserError(f"MuJoCo cannot read it: {error}", file=path) from error
@@ -106,7 +112,11 @@ def load_object(source: str | Path) -> ObjectModel:
     body = joints[0].parent
     if not body.name:
         raise UserError("the free body has no name", file=path, expected="a name, which recordings refer to")
-    shapes = [geom for geom in body.geoms if geom.contype or geom.conaffinity]
+    apart = [model.body(i).name for i in np.flatnonzero(model.body_rootid == model.body(body.name).id)[1:]]
+    if apart:
+        expected = f"bodies that MuJoCo can fuse with '{body.name}' (see fusestatic in its manual)"
+        raise UserError("the object has parts that stay bodies of their own", file=path, expected=expected, got=apart)
+    shapes = [geom for geom in body.find_all("geom") if geom.contype or geom.conaffinity]
     if not shapes or model.body(body.name).mass[0] <= 0:
         raise UserError(
             f"body '{body.name}' lacks a shape or a mass", file=path, expected="a collision shape and a mass"
@@ -117,9 +127,6 @@ def load_object(source: str | Path) -> ObjectModel:
     most = max((geom.priority for geom in spec.geoms), default=0)
     for geom in shapes:
         geom.priority = most + 1
-    for group in (spec.sensors, spec.keys, spec.actuators):
-        for element in list(group):
-            spec.delete(element)
     return ObjectModel(body.name, str(path.resolve()), spec.copy)
 
 
@@ -128,7 +135,7 @@ def _check_rules(spec: mujoco.MjSpec, body: mujoco.MjsBody, path: Path) -> None:
     expected = "friction, solref and solimp at the body's geoms alone"
     if spec.option.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
         raise UserError("replaces the parameters of all contacts", file=path, key="override", expected=expected)
-    own = {geom.name for geom in body.geoms} - {""}
+    own = {geom.name for geom in body.find_all("geom")} - {""}
     for pair in spec.pairs:
         names = pair.geomname1, pair.geomname2
         if own & set(names):
