@@ -167,9 +167,10 @@ def test_a_world_that_changed_since_is_refused(asked):
 
 def test_images_of_looks_are_part_of_the_plan_and_must_be_the_same_where_it_is_drawn(monkeypatch, tmp_path):
     """Else a rendering that is continued, or a node, would mix the images of two folders."""
-    for folder, side in (("a", 8), ("b", 16)):
+    for folder, grey in (("a", 200), ("b", 100)):
         (tmp_path / folder).mkdir()
-        (tmp_path / folder / "x.png").write_bytes(encode(np.full((side, side, 3), 200, np.uint8)))
+        (tmp_path / folder / "x.png").write_bytes(encode(np.full((8, 8, 3), grey, np.uint8)))
+    assert len({(tmp_path / folder / "x.png").stat().st_size for folder in "ab"}) == 1
     world = tmp_path / "world.yaml"
     world.write_text(
         "format: vispeg-world/1\nbase: nominal\neffects:\n"

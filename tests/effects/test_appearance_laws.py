@@ -233,6 +233,9 @@ def test_a_users_image_is_what_the_part_shows(tmp_path, monkeypatch):
     assert model.mat_rgba[model.material("table").id].tolist() == [1, 1, 1, 1]
     turned = written([EffectInstance.of("image_texture", "table", amount=1.0, pick=0.9, turns=1.5)]).model
     np.testing.assert_array_equal(texture(turned, "table"), np.rot90(pixels))
+    cv2.imwrite(str(tmp_path / "b.png"), 255 - pixels[..., ::-1])
+    model = written([EffectInstance.of("image_texture", "table", amount=1.0, pick=0.9, size=0.5)]).model
+    np.testing.assert_array_equal(texture(model, "table"), 255 - pixels, "the image that is there now")
 
 
 def test_what_ships_can_be_read():

@@ -18,12 +18,15 @@ import numpy as np
 
 from vispeg.core.assets import PACKAGE
 from vispeg.core.errors import UserError
+from vispeg.core.provenance import digest as file_digest
 from vispeg.formats.guard import refuse_special
 
 FOLDER, TRAINING = "VISPEG_TEXTURES", "training"
 PICTURES, ENVIRONMENTS = (".png", ".jpg", ".jpeg"), (".hdr",)
 PIXELS = 40_000_000  # no larger image is read
 RADIANCE = (b"#?RADIANCE", b"#?RGBE")
+
+Stamp = tuple[int, int]
 
 
 def images(endings: tuple[str, ...], training: bool = False) -> tuple[Path, ...]:
@@ -54,11 +57,16 @@ def images(endings: tuple[str, ...], training: bool = False) -> tuple[Path, ...]
 
 
 def digest(endings: tuple[str, ...]) -> str:
-    """Return a digest (hex) of the images with these endings, in training and elsewhere: names and sizes, in order.
+    """Return a digest (hex) of the images with these endings, in training and elsewhere: names and bytes, in order.
 
-    Their bytes do not enter, since a folder of photographs may hold gigabytes. Raises UserError as `images` does.
+    A process reads each of them once, and again if it has changed since.
+
+    Raises:
+        UserError: as `images` does, or an image cannot be read.
     """
-    lists = [[(path.name, path.stat().st_size) for path in images(endings, training)] for training in (False, True)]
+    lists = [
+        [(path.name, _content(path, _stamp(path))) for path in images(endings, training)] for training in (False, True)
+    ]
     return hashlib.sha256(json.dumps(lists).encode()).hexdigest()
 
 
@@ -68,13 +76,26 @@ def picked(endings: tuple[str, ...], share: float, training: bool = False) -> Pa
     return paths[min(int(share * len(paths)), len(paths) - 1)]
 
 
-@lru_cache(maxsize=64)
 def picture(path: Path, size: int) -> np.ndarray:
     """Return the middle square of a PNG or JPEG, resized to (size, size, 3) float32 in [0, 1], sRGB.
 
     Raises:
         UserError: it cannot be read, or is larger than `PIXELS`.
     """
+    return _picture(path, _stamp(path), size)
+
+
+def environment(path: Path, rows: int = 128) -> np.ndarray:
+    """Return the linear light of a Radiance .hdr, (rows, 2 rows, 3) float32 RGB; its top row is the zenith.
+
+    Raises:
+        UserError: it is not a Radiance file, is damaged, or is larger than `PIXELS`.
+    """
+    return _environment(path, _stamp(path), rows)
+
+
+@lru_cache(maxsize=64)
+def _picture(path: Path, stamp: Stamp, size: int) -> np.ndarray:
     import cv2
 
     head = _head(path)
@@ -93,12 +114,7 @@ def picture(path: Path, size: int) -> np.ndarray:
 
 
 @lru_cache(maxsize=32)
-def environment(path: Path, rows: int = 128) -> np.ndarray:
-    """Return the linear light of a Radiance .hdr, (rows, 2 rows, 3) float32 RGB; its top row is the zenith.
-
-    Raises:
-        UserError: it is not a Radiance file, is damaged, or is larger than `PIXELS`.
-    """
+def _environment(path: Path, stamp: Stamp, rows: int) -> np.ndarray:
     import cv2
 
     head = _head(path)
@@ -115,6 +131,20 @@ def refuse_huge(path: Path, area: int) -> None:
     """Raise a UserError if an image's number of pixels, `area`, is larger than `PIXELS`."""
     if area > PIXELS:
         raise UserError("is too large for a texture", file=path, expected=f"at most {PIXELS:,} pixels", got=area)
+
+
+@lru_cache(maxsize=65_536)
+def _content(path: Path, stamp: Stamp) -> str:
+    return file_digest(path)
+
+
+def _stamp(path: Path) -> Stamp:
+    """Return when a file was last modified, ns, and its size: while they stay, what was read of it is kept."""
+    try:
+        stat = path.stat()
+    except OSError as error:
+        raise UserError(f"cannot be read: {error.strerror}", file=path) from error
+    return stat.st_mtime_ns, stat.st_size
 
 
 def _below(folder: Path, endings: tuple[str, ...], training: bool) -> tuple[Path, ...]:
