@@ -263,7 +263,7 @@ def look(values):
 
 
 def test_frozen_keeps_the_first_image_of_each_episode_row_by_row():
-    c = Controlled(Seer(), "frozen")
+    c = Controlled(Seer(), "frozen", 3)
     c.reset(3)
     assert c.act(look([1.0, 2.0, 3.0]))[:, 0].tolist() == [1, 2, 3]
     assert c.act(look([4.0, 5.0, 6.0]))[:, 0].tolist() == [1, 2, 3]
@@ -272,7 +272,7 @@ def test_frozen_keeps_the_first_image_of_each_episode_row_by_row():
 
 
 def test_shuffled_gives_everybody_anothers_image_and_touches_nothing_else():
-    c = Controlled(Seer(), "shuffled")
+    c = Controlled(Seer(), "shuffled", 4)
     c.reset(4)
     obs = look([1.0, 2.0, 3.0, 4.0])
     seen = c.act(obs)[:, 0]
@@ -280,12 +280,14 @@ def test_shuffled_gives_everybody_anothers_image_and_touches_nothing_else():
     assert obs["depth_a"][:, 0, 0, 0].tolist() == [1, 2, 3, 4]
     with pytest.raises(UserError, match="two or more rows"):
         c.act(look([1.0]))
-    alone = Controlled(Seer(), "shuffled", spare=True)
+    assert c.spare == 0
+    alone = Controlled(Seer(), "shuffled", 1)
+    assert alone.spare == 1, "the first episode below, which is shown its own images"
     for number, shown in ((0, [1, 2, 3]), (10, [1, 2]), (20, [11, 12, 12])):
         alone.reset(1)
         assert [alone.act(look([number + k + 1.0]))[0, 0] for k in range(len(shown))] == shown
     with pytest.raises(UserError, match="did you mean 'frozen'"):
-        Controlled(Seer(), "frosen")
+        Controlled(Seer(), "frosen", 1)
 
 
 def test_controls_on_images_are_not_asked_of_policies_that_see_none(policy, tmp_path):

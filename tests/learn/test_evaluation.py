@@ -59,7 +59,7 @@ def test_a_row_that_is_done_plays_no_seed_again_that_counts():
 @pytest.mark.parametrize(("rows", "seeds"), [(2, [7]), (4, [7, 8]), (3, [7, 8, 9, 10, 11])])
 def test_who_is_shown_anothers_images_is_never_shown_its_own(rows, seeds):
     watcher, env = Watcher(), Seen(rows)
-    outcomes = run_episodes(Controlled(watcher, "shuffled"), env, seeds)
+    outcomes = run_episodes(Controlled(watcher, "shuffled", rows), env, seeds)
     assert [o.seed for o in outcomes] == seeds
     begun = env.given[0]
     assert len(set(begun)) == rows and set(begun[: len(seeds)]) <= set(seeds)

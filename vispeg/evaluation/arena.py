@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vispeg.evaluation.controls import ON_IMAGES, SHUFFLED, Controlled
+from vispeg.evaluation.controls import ON_IMAGES, Controlled
 from vispeg.evaluation.jobs import Job, Pushes
 from vispeg.evaluation.players import player
 from vispeg.evaluation.records import Episode
@@ -35,8 +35,8 @@ def play(job: Job) -> list[Episode]:
     policy: Any = player(who, env.config)
     spare: list[int] = []  # seeds of episodes that do not count
     if job.control in ON_IMAGES:
-        policy = Controlled(policy, job.control, spare=True)
-        spare = [job.seeds[0] + SPARE] if job.control == SHUFFLED and env.num_envs == 1 else []
+        policy = Controlled(policy, job.control, env.num_envs)
+        spare = [job.seeds[0] + SPARE + k for k in range(policy.spare)]
     if job.pushes is not None:
         env = Pushed(env, job.pushes)
     if job.remainder is not None:

@@ -43,16 +43,20 @@ class Controlled:
     Args:
         policy: the policy to control; this object has the same interface.
         control: SHUFFLED or FROZEN.
-        spare: whether the first episode of a single row does not count, so that it may be shown its own images.
+        rows: number of rows that it acts on.
+
+    Attributes:
+        spare: number of episodes to play first that do not count, since they are shown their own images.
 
     Raises:
-        UserError: another control; in `act`, a single row to shuffle in a first episode that counts.
+        UserError: another control; in `act`, a single row to shuffle where `rows` are more.
     """
 
-    def __init__(self, policy: Any, control: str, spare: bool = False):
+    def __init__(self, policy: Any, control: str, rows: int):
         if control not in ON_IMAGES:
             raise UserError("unknown control", got=control, choices=ON_IMAGES)
-        self.policy, self.control, self.spare = policy, control, spare
+        self.policy, self.control = policy, control
+        self.spare = int(control == SHUFFLED and rows == 1)
         self.modality, self.meta = policy.modality, policy.meta
         self._kept: dict[str, np.ndarray] = {}
         self._fresh = np.ones(0, dtype=bool)
