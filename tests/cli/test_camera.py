@@ -85,6 +85,8 @@ def test_mistakes(refused, images, tmp_path):
     refused(["camera", "calibrate", "gone", "--pattern", "9x6", *given], "no such folder")
     refused(["camera", "calibrate", images, "--pattern", "9x6", "--poses", "gone.csv", *given], "no such file")
     refused(["camera", "calibrate", images, "--pattern", "9x6", "--intrinsics", "k.yaml", *given], "nothing to find")
+    fixed = ["--pattern", "9x6", "--intrinsics", "k.yaml", "--poses", images / "poses.csv", "--distortion", "brown5"]
+    refused(["camera", "calibrate", images, *fixed, *given], "--distortion without --intrinsics")
     for more in (["--marker", "0.018"], ["--dictionary", "DICT_4X4_50"], ["--legacy"]):
         refused(["camera", "calibrate", images, "--pattern", "9x6", *more, *given], more[0], "--board charuco")
     refused(["camera", "show", "gone.yaml"], "no such file")

@@ -79,7 +79,7 @@ def calibrate(
     poses: str | Path | None = None,
     mount: Mount = "flange",
     intrinsics: str | Path | None = None,
-    distortion: Distortion = "brown4",
+    distortion: Distortion | None = None,
     name: str = "camera",
 ) -> CalibrationResult:
     """Calibrate a camera; with `poses` also its pose on the flange, or on the base with the board on the flange.
@@ -97,7 +97,7 @@ def calibrate(
             YAML.
         mount: what the camera is fixed to.
         intrinsics: known intrinsics instead of fitted ones: a camera file, OpenCV's, ROS's or ViSP's.
-        distortion: lens terms to fit: none; radial: k1 k2; brown4: k1 k2 p1 p2; brown5: k1 k2 p1 p2 k3.
+        distortion: lens terms to fit: none; radial: k1 k2; brown4 (default): k1 k2 p1 p2; brown5: k1 k2 p1 p2 k3.
         name: the camera's name in camera.yaml; for a recording with several cameras, the one to calibrate.
 
     Raises:
@@ -107,6 +107,11 @@ def calibrate(
     if intrinsics is not None and taken.flange is None:
         raise UserError(
             "with known intrinsics and no poses there is nothing to find", expected="--poses, or no --intrinsics"
+        )
+    if intrinsics is not None and distortion is not None:
+        expected = "--distortion without --intrinsics"
+        raise UserError(
+            "known intrinsics bring their lens terms", key="--distortion", expected=expected, got=distortion
         )
     of_markers = (("--marker", marker), ("--legacy", legacy), ("--dictionary", dictionary if board != "tag" else None))
     if board != "charuco" and (given := [key for key, value in of_markers if value]):
@@ -127,7 +132,8 @@ def calibrate(
     stamp = here(None, {str(path): f"sha256:{digest(path)}" for path in sources})
     views, missed = boards.detect(taken.files, printed)
     flange = None if taken.flange is None else taken.flange([view.name for view in views])
-    calibration = boards.calibrate(views, printed, distortion=distortion, camera=lens, flange=flange, mount=mount)
+    terms = distortion or "brown4"
+    calibration = boards.calibrate(views, printed, distortion=terms, camera=lens, flange=flange, mount=mount)
     results = {**record(calibration, printed, missed), "provenance": stamp}
     return CalibrationResult(
         results, calibration.to_camera(name), printed, taken.files[0].parent, calibration, flange, tuple(sources)
