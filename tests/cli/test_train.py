@@ -105,6 +105,7 @@ def test_stack_directions_and_reward_are_asked_for_and_kept_through_the_runs_fil
         (["--stack", "0"], ["stack", "too small"]),
         (["--ranges", "schedule", "--recipe", "distill"], ["ranges", "distillation alone"]),
         (["--ranges", "wide"], ["--ranges", "adaptive"]),
+        (["--recipe", "distill", "--steps", "9"], ["--steps: imitation alone goes by rounds", "--distill-steps"]),
         (["--steps", "0"], ["steps", "at least 1"]),
         (["--films", "-1"], ["--films", "out of range"]),
     ],

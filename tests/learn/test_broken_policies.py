@@ -116,7 +116,7 @@ COMMANDS = [
     "combine p state-0.5mm --out out",
     "finetune p --world N --out out",
     "finetune depth-S --world N --teacher p --out out",
-    "train peg-depth --recipe distill --teacher p --steps 8 --out out",
+    "train peg-depth --recipe distill --teacher p --distill-steps 8 --out out",
 ]
 
 

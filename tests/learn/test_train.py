@@ -91,6 +91,19 @@ def test_a_resumed_run_tells_the_command_that_made_it_and_clears_its_rounds(tmp_
     assert not (tmp_path / "run/rounds").exists()
 
 
+@pytest.mark.parametrize(
+    ("target", "steps", "said"), [(0.0, 640, "ended at its target"), (2.0, 160, "has more steps; expected >= 320")]
+)
+def test_steps_that_a_run_would_not_train_on_to_are_refused(tmp_path, target, steps, said):
+    """It ended at its target after two of three evaluations, or has more of them."""
+    train(config(target=target, steps=480 if target == 0 else 320), tmp_path / "run", make("state"), show=False)
+    files = {p: p.read_bytes() for p in (tmp_path / "run").rglob("*") if p.is_file()}
+    assert [row["steps"] for row in curve(tmp_path / "run")] == ["160", "320"]
+    with pytest.raises(UserError, match=said):
+        resume(tmp_path / "run", steps, make("state"), show=False)
+    assert {p: p.read_bytes() for p in (tmp_path / "run").rglob("*") if p.is_file()} == files
+
+
 def test_stages_follow_success_and_are_remembered(tmp_path):
     c = config(stages=(Stage(level=0.1), Stage(level=1.0)), pass_rate=0.5, steps=160)
     train(c, tmp_path / "run", make("state"), show=False)  # at level 0.1 every start is at the target
@@ -180,6 +193,8 @@ def test_a_killed_distillation_goes_on_after_its_last_round(tmp_path):
     files = {p: p.read_bytes() for p in (tmp_path / "part").rglob("*") if p.is_file()}
     best = resume(tmp_path / "part", make=make("depth"), show=False)  # there is nothing left to do
     assert best == tmp_path / "part/checkpoints/best"
+    with pytest.raises(UserError, match="steps: imitation goes by rounds; expected a new run.*got 320"):
+        resume(tmp_path / "part", 320, make("depth"), show=False)
     assert {p: p.read_bytes() for p in (tmp_path / "part").rglob("*") if p.is_file()} == files
 
 

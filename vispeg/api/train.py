@@ -75,7 +75,7 @@ def train(
     curriculum: Sequence[float] = (),
     start_radius: Sequence[float] = (),
     ranges: Literal["full", "schedule", "adaptive"] = "full",
-    steps: int = 100_000,
+    steps: int | None = None,
     target: float = 0.995,
     seed: int = 0,
     envs: int = 16,
@@ -109,7 +109,8 @@ def train(
         start_radius: lateral distances from the goal within which episodes of these stages start, m, nearest first.
         ranges: how far the world's ranges extend: fully from the first step (full), further and further over the first
             half of the steps (schedule), or each range as far as the policy succeeds in it (adaptive).
-        steps: total number of environment steps; default: 100000. With `resume`: the new total.
+        steps: total number of environment steps of reinforcement learning; default: 100000. With `resume`: the new
+            total.
         target: success rate that ends imitation or reinforcement early if two successive evaluations reach it; 2 is
             never reached.
         seed: seed of networks, exploration and episodes.
@@ -152,6 +153,9 @@ def train(
     from vispeg.learn.settings import defaults
     from vispeg.task.environments.vector import world_of
 
+    if recipe == "distill" and steps is not None:
+        expected = "--distill-steps, those of a round"
+        raise UserError("imitation alone goes by rounds", key="--steps", expected=expected, got=steps)
     chosen = dict(settings or {})
     if recurrent and chosen.get("stack") not in (None, 1):
         expected = "one of them, as the LSTM replaces the stack"
@@ -165,7 +169,7 @@ def train(
         task,
         recipe,
         world,
-        steps,
+        100_000 if steps is None else steps,
         seed,
         envs,
         every,
@@ -196,7 +200,8 @@ def resume(run: str | Path, steps: int | None = None, *, show: bool = False) -> 
         show: show progress on standard error.
 
     Raises:
-        UserError: `run` holds no run, its last checkpoint is missing or damaged, or another process trains in it.
+        UserError: `run` holds no run, its last checkpoint is missing or damaged, or another process trains in it; or
+            `steps` are given of a run that has more, that ended at its target, or that only imitates.
     """
     require("torch", "training")
     from vispeg.learn import train as running

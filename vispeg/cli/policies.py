@@ -54,10 +54,9 @@ def policies(call: Call, family: str | None = None, search: str | None = None) -
     settings=None,
     distill=None,
     show=None,
-    steps=Option(default=None, group="learning"),
     tolerance=replace(TOLERANCE, group="task"),
     **under("task", "world", "curriculum", "start_radius", "stack", "dof", "reward", "ranges"),
-    **under("learning", "recipe", "target", "seed", "envs", "threads", "engine", "device", "utd", "recurrent"),
+    **under("learning", "steps", "recipe", "target", "seed", "envs", "threads", "engine", "device", "utd", "recurrent"),
     **under("learning", "symmetric", "replay"),
     **under("imitation", "teacher", "dataset", "distill_steps", "distill_updates", "distill_looks"),
     **under("evaluation", "every", "episodes", "films", "wandb"),
@@ -118,14 +117,14 @@ def train(
     from vispeg.task.registry import with_tolerance
     from vispeg.task.world_file import load_world
 
-    task, steps = call.task or "", 100_000 if call.steps is None else call.steps
+    task = call.task or ""
     settings: dict[str, Any] = {"stack": stack, "dof": dof or None, "reward": reward}
     settings |= {} if tolerance is None else with_tolerance(load_world(call.world).task, tolerance)
     settings = {key: value for key, value in settings.items() if value is not None}
     distill = {"steps": distill_steps, "updates": distill_updates, "looks": distill_looks}
     out = call.out or new_run(task, call.seed)
     with _goes_on(out, films):
-        _tell(call, call(task=task, steps=steps, settings=settings, distill=distill, out=out, show=show), films)
+        _tell(call, call(task=task, settings=settings, distill=distill, out=out, show=show), films)
 
 
 def _goes_on(folder: Path, films: int):

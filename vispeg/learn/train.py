@@ -53,7 +53,8 @@ def _begin(config: TrainConfig, folder: Path, make: MakeEnv | None, show: bool) 
 def resume(folder: Path, steps: int | None = None, make: MakeEnv | None = None, show: bool = True) -> Path:
     """Resume the run in a folder; return the best policy's folder.
 
-    A run that was stopped before its first checkpoint starts again; a finished one is not trained further.
+    A run that was stopped before its first checkpoint starts again; a finished one is not trained further without more
+    steps.
 
     Args:
         folder: the run's folder.
@@ -61,9 +62,13 @@ def resume(folder: Path, steps: int | None = None, make: MakeEnv | None = None, 
         make, show: see `train`.
 
     Raises:
-        UserError: there is no run, its last checkpoint is missing or damaged, or another process trains there.
+        UserError: there is no run, its last checkpoint is missing or damaged, or another process trains there; or
+            `steps` are given of a run that has more, that ended at its target, or that only imitates.
     """
     config = read_config(folder / "config.yaml")
+    if steps is not None and config.recipe == "distill":
+        expected = "a new run, with more --distill-steps or of the recipe distill+sac"
+        raise UserError("imitation goes by rounds", file=folder, key="--steps", expected=expected, got=steps)
     with claimed(folder):
         asked = config if steps is None else replace(config, steps=steps)
         last = folder / "checkpoints" / "last"
@@ -80,7 +85,18 @@ def resume(folder: Path, steps: int | None = None, make: MakeEnv | None = None, 
         run = SacRun(asked, folder, make, show)
         run.resume()
         if steps is not None:  # only after the checkpoint was read: a damaged one leaves the folder as it was
+            _check_goes_on(run, steps)
             asked.write(folder / "config.yaml")
         best = run.run()
         shutil.rmtree(folder / ROUNDS, ignore_errors=True)  # left by a run that was killed after its distillation
         return best
+
+
+def _check_goes_on(run: SacRun, steps: int) -> None:
+    """Raise UserError for a run that was restored and does not train on to `steps`, or has more of them."""
+    if run.ended:
+        expected = "a new run with a higher --target; 2 is never reached"
+        what = f"the run ended at its target: success of {run.config.target:g} or more, twice in a row"
+        raise UserError(what, file=run.folder, key="--steps", expected=expected, got=steps)
+    if steps < (done := run.model.num_timesteps):
+        raise UserError("the run has more steps", file=run.folder, key="--steps", expected=f">= {done}", got=steps)

@@ -90,6 +90,11 @@ class SacRun:
         self.recent: deque[tuple[bool, str]] = deque(maxlen=100)  # success and category of the last training episodes
         self.command = begun_by(folder) or command_line(sys.argv)
 
+    @property
+    def ended(self) -> bool:
+        """Whether the two last evaluations reached the target."""
+        return self.reached >= 2
+
     def _environments(self) -> tuple[Sb3Env, Any]:
         settings = self.course.settings(self.config.settings)
         env = self.make(self.config.envs, settings)
@@ -137,7 +142,7 @@ class SacRun:
         with Bar(c.steps, self.show) as bar:
             watch = Watch(bar, self.recent, self.opening)
             self._restart()
-            while model.num_timesteps < c.steps and self.reached < 2:
+            while model.num_timesteps < c.steps and not self.ended:
                 goal = min((model.num_timesteps // c.every + 1) * c.every, c.steps)
                 more = goal - model.num_timesteps
                 model.learn(more, watch, log_interval=None, reset_num_timesteps=False)
