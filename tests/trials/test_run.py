@@ -487,13 +487,14 @@ def test_an_exported_policy_runs_on_a_driver_of_ones_own_without_torch_and_witho
     (tmp_path / "mine.py").write_text(DRIVER)
     code = (
         "import sys; from vispeg.cli.main import main; "
-        "code = main('run p.onnx --robot python:mine:Still --shadow --reach 2 --out t'.split()); "
+        "code = main('run fine=p.onnx --robot python:mine:Still --shadow --reach 2 --out t'.split()); "
         "assert not {'torch', 'mujoco', 'gymnasium'} & set(sys.modules); sys.exit(code)"
     )
     where = str(Path(sys.modules["vispeg"].__file__).parents[1])
     path = {"PYTHONPATH": f"{tmp_path}:{where}", "PATH": "/usr/bin:/bin"}
     subprocess.run([sys.executable, "-c", code], check=True, cwd=tmp_path, env=path, timeout=120)
-    assert read_trial(tmp_path / "t" / "trial-0001").said.outcome.category == "timeout"
+    said = read_trial(tmp_path / "t" / "trial-0001").said
+    assert (said.policy.name, said.outcome.category) == ("fine", "timeout")
 
 
 def test_a_term_that_only_a_task_knows_is_refused_before_the_robot_moves(robot):

@@ -98,14 +98,14 @@ def run(
     """Run a policy on a robot; every episode becomes a folder in `out`.
 
     Args:
-        policy: a policy's folder, a bundled policy's name, an .onnx file, or your own policy.
+        policy: a policy's folder, a bundled policy's name, an .onnx file, or your own policy; with or without NAME=.
         robot: sim:WORLD, ros2[:FILE.yaml], lerobot:TYPE[:FILE.yaml], log:FOLDER, or python:MODULE:CALLABLE.
         out: folder of the trials; existing trials stay, and numbers continue.
         episodes: number of episodes; default: 1, for a log all its episodes.
         seed: seed of a simulated robot's first start; default: the trial's number.
         how: settings of the run: limits, shadow, slow, the believed goal.
         world: the world with the arm and cameras of the robot; default: the policy's training world.
-        name: name of the policy in tables; default: that of its folder.
+        name: name of the policy in tables; default: NAME, or that of its folder or file.
         clock: clock of the run loop; default: the host's.
         ask: called with each outcome; returns the outcome that a person states.
         ready: called before each episode with its number.
@@ -164,14 +164,15 @@ def opened(policy: str | Path, world: str | Path | None, name: str | None) -> tu
         UserError: no such policy, or it cannot be read.
     """
     text = str(policy)
-    if Path(text).suffix.lower() == ".onnx":
+    called, _, place = text.rpartition("=")  # NAME=FILE, as `entrant` takes it
+    if Path(place).suffix.lower() == ".onnx":
         if world is not None:
             raise UserError(
                 "is fixed in an exported policy", key="--world", expected="vispeg export --world", got=world
             )
-        exported = Exported(text)
+        exported = Exported(Path(place).expanduser())
         meaning = exported.interface
-        part = PolicyPart(name=name or Path(text).stem, digest=meaning.policy, modality=meaning.modality)
+        part = PolicyPart(name=name or called or Path(place).stem, digest=meaning.policy, modality=meaning.modality)
         meaning.observer()  # check that its observations and actions can be built here
         return exported, meaning, part
     from vispeg.evaluation.entrants import EXPERT, entrant

@@ -22,14 +22,14 @@ def run(call: Call, asked: bool = False) -> None:
     """Run a policy on a robot.
 
     POLICY is a folder, a bundled policy's name, or an .onnx file by `vispeg export`, which needs neither torch nor a
-    simulator. With --world it may be your own policy: lerobot:FOLDER, MODULE:CLASS, or a .zip by Stable-Baselines3; if
-    its actions are joint angles or metres, append ?action=KIND (joint_goal, joint_delta, tip_goal, tip_delta). The
-    robot holds a flange pose by itself; the policy moves that pose every 160 ms. ROBOT is one of:
-    `sim:WORLD`, a simulated robot in a separate process with the world's hidden effects (`sim:WORLD?latency=0.01`
-    delays commands and readings); `ros2`, an arm over ROS 2 (`ros2:FILE.yaml` names its topics); `lerobot:TYPE`, a
-    robot of LeRobot (`lerobot:TYPE:FILE.yaml` assigns motors to joints); `log:FOLDER`, recordings by `vispeg convert`
-    of the policy under another program; `python:MODULE:CALLABLE`, your own driver with the methods connect, read,
-    command and stop.
+    simulator; NAME=POLICY gives it a name for tables. With --world it may be your own policy: lerobot:FOLDER,
+    MODULE:CLASS, or a .zip by Stable-Baselines3; if its actions are joint angles or metres, append ?action=KIND
+    (joint_goal, joint_delta, tip_goal, tip_delta). The robot holds a flange pose by itself; the policy moves that pose
+    every 160 ms. ROBOT is one of: `sim:WORLD`, a simulated robot in a separate process with the world's hidden effects
+    (`sim:WORLD?latency=0.01` delays commands and readings); `ros2`, an arm over ROS 2 (`ros2:FILE.yaml` names its
+    topics); `lerobot:TYPE`, a robot of LeRobot (`lerobot:TYPE:FILE.yaml` assigns motors to joints); `log:FOLDER`,
+    recordings by `vispeg convert` of the policy under another program; `python:MODULE:CALLABLE`, your own driver with
+    the methods connect, read, command and stop.
 
     The arm stops at a limit (joints, joint speeds, speed of the tip, force, workspace), when no readings arrive, and
     when you press the space bar, q, Escape or Ctrl-C. Each episode becomes a folder OUT/trial-NNNN, a recording that
