@@ -249,6 +249,27 @@ def test_records_of_another_world_or_policy_are_refused_before_anything_is_writt
     assert out == "" and len(err.strip().splitlines()) == 1 and not jobs and not (tmp_path / "g").exists()
 
 
+def test_a_result_saved_from_python_knows_its_policies_and_worlds_as_the_command_s_does(vispeg, tmp_path, played):
+    """Also through a gap from records alone. Records of two policies of one name are refused."""
+    from vispeg.api.evaluate import evaluate
+
+    played(lambda job, seed: True)
+    for name, policy in (("a", "one=state-0.5mm"), ("b", "one=state-0.2mm")):
+        evaluate(policy, episodes=3).save(tmp_path / name)
+    assert vispeg("evaluate", "one=state-0.5mm", "--episodes", "3", "--videos", "0", "--out", "by-command")[0] == 0
+    known = json.loads((tmp_path / "a/run.json").read_text())
+    assert [*known["policies"], *known["worlds"]] == ["one/s1", "nominal"]
+    assert json.loads((tmp_path / "by-command/run.json").read_text()) == known
+    assert vispeg("gap", "--records", "a/episodes.jsonl", "--worlds", "nominal", "--out", "g")[0] == 0
+    assert json.loads((tmp_path / "g/run.json").read_text()) == known
+    other = ("gap", "one=state-0.2mm", "--controls", "none", "--episodes", "3", "--out", "h")
+    code, _, err = vispeg(*other, "--records", "g/episodes.jsonl", "--worlds", "nominal", "unknown_hole")
+    assert code == 2 and "another policy than the one/s1" in err
+    code, _, err = vispeg("gap", "--records", "a/episodes.jsonl", "b/episodes.jsonl", "--out", "h")
+    assert code == 2 and "b/episodes.jsonl: policies: one/s1 stood for another one in the files before" in err
+    assert not (tmp_path / "h").exists() and len(err.strip().splitlines()) == 1
+
+
 def test_a_recorded_episode_is_filmed_without_being_played_and_the_film_says_how_it_ended_this_time(
     vispeg, tmp_path, played
 ):

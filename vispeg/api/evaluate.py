@@ -18,6 +18,7 @@ from vispeg.evaluation.films.media import film_failures
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Setting, make_jobs, seeds_of
 from vispeg.evaluation.players import ready
+from vispeg.evaluation.runner import EPISODES, names_of
 from vispeg.report.gap import words
 from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
@@ -99,7 +100,9 @@ def evaluate(
         values["notes"] += [words.conclusion(r) for r in values["success"] if r["needed"]]
         filmed = out is not None and videos > 0
         media = film_failures(jobs, ends, place / "media", videos) if filmed else []
-        result = EvaluationResult(stamped(values, seed, folders(who)), tuple(ends), tuple(media), tuple(sources))
+        result = EvaluationResult(
+            stamped(values, seed, folders(who)), tuple(ends), tuple(media), tuple(sources), names_of(place / EPISODES)
+        )
         if out is not None:
             result._write(place)
     return result

@@ -32,6 +32,7 @@ from vispeg.evaluation.overlay import Change
 from vispeg.evaluation.players import ready
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.replay import Replays
+from vispeg.evaluation.runner import EPISODES, names_of
 from vispeg.evaluation.schema.explain import ExplainRecord, Next
 from vispeg.evaluation.senses import DRAWS, Look, Parting, Strip
 from vispeg.interface.interface import NoInterface
@@ -266,7 +267,9 @@ def explain(
             where = place, Path(out)
             record["next"] = _applied(record, *where, str(policy), file, dict(task or {}), model, Path(trials))
         about = {**record, "world": {"name": file.name, "hash": file.hash}, "replays": replays}
-        result = ExplainResult(stamped(about, seed, folders(who)), tuple(ends), (), tuple(sources), strip)
+        result = ExplainResult(
+            stamped(about, seed, folders(who)), tuple(ends), (), tuple(sources), names_of(place / EPISODES), strip
+        )
         if out is not None:
             result._write(place)
     return result

@@ -30,7 +30,7 @@ from vispeg.evaluation.jobs import Job, Setting, make_jobs, seeds_of
 from vispeg.evaluation.measured import Trials, read_measured
 from vispeg.evaluation.players import ready
 from vispeg.evaluation.records import read_all
-from vispeg.evaluation.runner import check_stored, made_with, take_in
+from vispeg.evaluation.runner import EPISODES, check_stored, made_with, names_of, take_in
 from vispeg.report.gap import words
 from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
@@ -130,6 +130,7 @@ def gap(
     if not named and not files:
         raise UserError("nothing to evaluate", expected="policy folders, or --records FILE")
     who, stored_before = ready(policies) if named else [], read_all(files) if files else []
+    stood = names_of(*files)
     networks = [*((e.name, e.train_seed) for e in who), *((e.policy, e.train_seed) for e in stored_before)]
     digests = {e.exported: (e.name, e.train_seed) for e in who if e.exported}
     digests |= {e.digest: (e.name, e.train_seed) for e in who}
@@ -155,7 +156,7 @@ def gap(
         played = []
         if chosen is not None:
             if stored_before:
-                take_in(stored_before, place)
+                take_in(stored_before, stood, place)
             jobs = make_jobs(who, chosen.settings(), seeds_of(episodes, seed), place / "worlds")
             played = play(jobs, place, workers, playing, engine)
         ends = {e.key: e for e in [*stored_before, *played]}
@@ -172,7 +173,8 @@ def gap(
         media = film_seeds(jobs, list(ends.values()), filmed_in, place / "media", videos) if filmed else []
         inputs = [*files, *([Path(measured)] if measured else [])]
         sources = tuple(p for p in read if p is not None)
-        result = GapResult(stamped(values, seed, inputs), tuple(every), tuple(media), sources)
+        stood = names_of(place / EPISODES) if who else stood
+        result = GapResult(stamped(values, seed, inputs), tuple(every), tuple(media), sources, stood)
         if out is not None and who:
             result._write(place)
     if out is not None and not who:

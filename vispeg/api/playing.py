@@ -47,12 +47,14 @@ class Played(Result):
         episodes: all episodes, see `vispeg.evaluation.records.Episode`.
         media: videos of some episodes; empty without a folder of results.
         sources: files and folders that were read.
+        names: hashes behind the names of policies and worlds, see `vispeg.evaluation.runner.names_of`.
     """
 
     record: Mapping[str, Any]
     episodes: tuple[Episode, ...] = field(repr=False)
     media: tuple[Mapping[str, Any], ...] = field(default=(), repr=False)
     sources: tuple[str | Path, ...] = ()
+    names: runner.Names = field(default_factory=runner.names_of, repr=False)
     command: ClassVar[str]
 
     def plot(self) -> Figure:
@@ -77,7 +79,7 @@ class Played(Result):
         with workplace(out, f"{self.command}.json", overwrite, self.sources) as place:
             (place / runner.EPISODES).unlink(missing_ok=True)
             append(place / runner.EPISODES, self.episodes)
-            write_text_atomic(place / runner.RUN, json.dumps({"policies": {}, "worlds": {}}) + "\n", overwrite=True)
+            write_text_atomic(place / runner.RUN, runner.text_of(self.names), overwrite=True)
             self._write(place)
         return Path(out).expanduser()
 

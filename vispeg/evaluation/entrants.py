@@ -20,6 +20,7 @@ from vispeg.learn.record import read_record
 from vispeg.learn.shipped import policy_folder
 from vispeg.task.world_file import built_in, parts
 
+OBJECT = "object:"  # begins the digest of a policy that is an object, which nobody can compute again
 EXPERT = "expert"  # name of a task's scripted policy
 # A text, a path, an object that acts, a mapping of names to these, or a sequence of these.
 Policies = str | Path | Sequence[str | Path] | Any
@@ -120,7 +121,7 @@ def _own(name: str, source: Any) -> Entrant:
     target = own.made(source)
     mode, task = own.observes(target, name)
     path, action = own.origin(source), own.acts(source, target)
-    digest_of = digest(path) if path is not None else f"object:{uuid.uuid4().hex}"
+    digest_of = digest(path) if path is not None else f"{OBJECT}{uuid.uuid4().hex}"
     if path is not None and split(source)[1] is not None:  # with another kind of actions it is another policy
         digest_of = hashlib.sha256(f"{digest_of} {action}".encode()).hexdigest()
     kept = source if isinstance(source, str) else target

@@ -15,7 +15,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.core.workers import pool_of
 from vispeg.evaluation.arena import play
-from vispeg.evaluation.entrants import Entrant
+from vispeg.evaluation.entrants import OBJECT, Entrant
 from vispeg.evaluation.folder import EPISODES
 from vispeg.evaluation.jobs import IMAGE_ROWS, Job
 from vispeg.evaluation.records import Episode, append, read
@@ -26,6 +26,7 @@ from vispeg.task.world_file import load_world
 
 DIVERGED = "diverged"  # folder of episodes whose simulation diverged, to be replayed
 RUN = "run.json"
+Names = dict[str, dict[str, str]]  # `policies` and `worlds`: name -> hash
 Arena = Callable[[Job], list[Episode]]
 J = TypeVar("J", bound=Job)
 R = TypeVar("R")
@@ -118,26 +119,43 @@ def _same_run(jobs: Sequence[Job], out: Path) -> str:
     Raises:
         UserError: a name stands for two hashes, in these jobs or in the folder and in these jobs.
     """
-    now: dict[str, dict[str, str]] = {"policies": {}, "worlds": {}}
+    now = _none()
     for j in jobs:
         policy = f"{j.entrant.name}/s{j.entrant.train_seed}"
         world = "/".join(filter(None, (j.world_name, j.configuration, j.control)))
         for kind, name, value in (("policies", policy, j.entrant.digest), ("worlds", world, j.world_hash)):
             if now[kind].setdefault(name, value) != value:
                 raise UserError("two of one name; play them in runs of their own", key=kind, got=name)
-    path = out / RUN
-    stored = read_names(path) if path.exists() else {"policies": {}, "worlds": {}}
-    for kind, names in now.items():
-        for name, value in names.items():
-            if stored[kind].setdefault(name, value) != value:
+    return text_of(_joined(_in(out), now, "when this folder was begun; name another folder", out))
+
+
+def _none() -> Names:
+    return {"policies": {}, "worlds": {}}
+
+
+def _joined(names: Names, more: Names, when: str, file: Path) -> Names:
+    """Return both.
+
+    Raises:
+        UserError: a name of `more` stands for another hash in `names`; it names `file` and says `when`.
+    """
+    out = {kind: dict(values) for kind, values in names.items()}
+    for kind, values in more.items():
+        for name, value in values.items():
+            if (there := out[kind].setdefault(name, value)) != value:
                 raise UserError(
-                    f"{name} stood for another one when this folder was begun; name another folder",
-                    file=out,
-                    key=kind,
-                    expected=stored[kind][name][:12],
-                    got=value[:12],
+                    f"{name} stood for another one {when}", file=file, key=kind, expected=there[:12], got=value[:12]
                 )
-    return json.dumps(stored, indent=2) + "\n"
+    return out
+
+
+def _in(folder: Path) -> Names:
+    return read_names(folder / RUN) if (folder / RUN).exists() else _none()
+
+
+def text_of(names: Names) -> str:
+    """Return the content of run.json."""
+    return json.dumps(names, indent=2) + "\n"
 
 
 def _example(folder: Path) -> Path:
@@ -146,15 +164,15 @@ def _example(folder: Path) -> Path:
 
 
 @enrol("run.json", _example)
-def read_names(path: Path) -> dict[str, dict[str, str]]:
-    """Return the hashes behind the names in a run's folder: `policies` and `worlds`, each a map from name to hash.
+def read_names(path: Path) -> Names:
+    """Return the hashes behind the names in a run's folder.
 
     Raises:
         UserError: the file cannot be read, or is not a run's record.
     """
     data = read_json(path)
-    tables = {}
-    for kind in ("policies", "worlds"):
+    tables: dict[str, Any] = {}
+    for kind in _none():
         names = tables[kind] = data.get(kind, {}) if isinstance(data, dict) else None
         if not isinstance(names, dict) or not all(isinstance(value, str) for value in names.values()):
             raise UserError("is not the record of a run", file=path, key=kind, expected="names and hashes", got=names)
@@ -202,14 +220,33 @@ def check_stored(jobs: Sequence[Job], stored: Iterable[Episode], files: Iterable
                 raise UserError(message, file=file, expected=digests[name][:12], got=digest[:12])
 
 
-def take_in(stored: Iterable[Episode], out: Path) -> None:
-    """Write stored episodes into the folder of a run, which then does not play them again."""
+def take_in(stored: Iterable[Episode], names: Names, out: Path) -> None:
+    """Write stored episodes, and the hashes behind their names, into a run's folder, which does not play them again.
+
+    Raises:
+        UserError: the folder has other hashes for these names.
+    """
     path = out / EPISODES
+    both = _joined(_in(out), names, "when this folder was begun; name another folder", out)
     have = {e.key for e in read(path)} if path.exists() else set()
     append(path, [e for e in stored if e.key not in have])
+    write_text_atomic(out / RUN, text_of(both), overwrite=True)
 
 
 def made_with(file: Path) -> Mapping[str, str]:
     """Return the digests of the policies that played a file of episodes, NAME/sSEED -> digest; empty if not known."""
-    path = Path(file).parent / RUN
-    return read_names(path)["policies"] if path.exists() else {}
+    return _in(Path(file).parent)["policies"]
+
+
+def names_of(*files: Path) -> Names:
+    """Return the hashes behind the names in files of episodes, as far as another process can compare them.
+
+    Raises:
+        UserError: a name stands for two hashes, or the run.json beside a file is not one.
+    """
+    out = _none()
+    for file in files:
+        names = _in(Path(file).parent)
+        known = {name: value for name, value in names["policies"].items() if not value.startswith(OBJECT)}
+        out = _joined(out, {**names, "policies": known}, "in the files before; play it under a name of its own", file)
+    return out

@@ -15,6 +15,7 @@ from vispeg.evaluation.entrants import Policies
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Pushes, make_jobs, seeds_of
 from vispeg.evaluation.players import ready
+from vispeg.evaluation.runner import EPISODES, names_of
 from vispeg.evaluation.stress import perturb as pushed
 from vispeg.report.gap import words
 from vispeg.report.gap.stress_pages import perturb_page
@@ -87,7 +88,7 @@ def perturb(
         )
         about = {"world": {"name": file.name, "hash": file.hash}, "force": force, "duration": duration}
         record = stamped({**pushed.summarise(ends), **about}, seed, folders(who))
-        result = PerturbResult(record, tuple(ends), (), tuple(read))
+        result = PerturbResult(record, tuple(ends), (), tuple(read), names_of(place / EPISODES))
         if out is not None:
             result._write(place)
     return result

@@ -15,6 +15,7 @@ from vispeg.evaluation.entrants import Policies
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import make_jobs, seeds_of
 from vispeg.evaluation.players import ready
+from vispeg.evaluation.runner import EPISODES, names_of
 from vispeg.evaluation.stress import sensitivity as swept
 from vispeg.report.gap.stress_pages import sensitivity_page
 from vispeg.report.text.summary import Block, Line
@@ -88,7 +89,9 @@ def sensitivity(
             "world": {"name": file.name, "hash": file.hash},
             "sweeps": swept.summarise(ends, chosen),
         }
-        result = SensitivityResult(stamped(about, seed, folders(who)), tuple(ends), (), tuple(read))
+        result = SensitivityResult(
+            stamped(about, seed, folders(who)), tuple(ends), (), tuple(read), names_of(place / EPISODES)
+        )
         if out is not None:
             result._write(place)
     return result

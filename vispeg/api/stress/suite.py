@@ -15,6 +15,7 @@ from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import make_jobs, seeds_of
 from vispeg.evaluation.measured import Trials, read_csv
 from vispeg.evaluation.players import ready
+from vispeg.evaluation.runner import EPISODES, names_of
 from vispeg.evaluation.schema.suite import Configuration
 from vispeg.report.gap import words
 from vispeg.report.gap.suite_page import render
@@ -106,7 +107,9 @@ def suite(
         ends = [*play(jobs, place, workers, playing, engine), *trials.episodes]
         version_name = version or ("" if out is None else Path(out).expanduser().resolve().name)
         about = {**suites.summarise(ends, names[0], names[1], version_name, hashes), "notes": notes}
-        result = SuiteResult(stamped(about, seed, folders(who)), tuple(ends), (), tuple(read))
+        result = SuiteResult(
+            stamped(about, seed, folders(who)), tuple(ends), (), tuple(read), names_of(place / EPISODES)
+        )
         if out is not None:
             result._write(place)
     return result
