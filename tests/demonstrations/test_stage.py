@@ -65,10 +65,33 @@ def test_looks_share_states_and_physics_and_nothing_that_is_seen(asked, episodes
     assert differ and not any(k.startswith(("link_mass", "contact", "viscous", "payload")) for k in differ)
 
 
-@pytest.mark.parametrize("world", ["unknown_hole", "N"])  # N: depth by block matching
-def test_the_first_look_is_what_the_task_shows(world):
+@pytest.fixture
+def rolling(tmp_path):
+    """A world in which the wrist's camera reads its rows one after another."""
+    path = tmp_path / "rolling.yaml"
+    effects = "effects:\n- {effect: rolling_shutter, where: wrist_wide, params: {readout: 0.08}}\n"
+    path.write_text(f"format: vispeg-world/1\nbase: unknown_hole\n{effects}")
+    return str(path)
+
+
+def test_a_rolling_shutter_shears_what_moves_before_the_camera_and_nothing_that_is_carried_with_it(rolling):
+    made = []
+    for world in ("unknown_hole", rolling):
+        plan, layout = plan_of(world, 6, cameras=("wrist_wide",), size=48, seed=3)
+        made.append(next(iter(shard(plan, layout, Shard(0, 0, 6)))))
+    still, sheared = (pictures(episode, "observation.images.wrist_wide").astype(int) for episode in made)
+    parts = [pictures(episode, "label.parts.wrist_wide") for episode in made]
+    gripper = parts[0] == 1 + layout.parts.index("gripper")
+    np.testing.assert_array_equal(gripper, parts[1] == 1 + layout.parts.index("gripper"))
+    np.testing.assert_array_equal(sheared[gripper], still[gripper])
+    assert 0.1 < gripper.mean() < 0.5 and np.abs(sheared - still)[~gripper].max() > 20
+
+
+@pytest.mark.parametrize("world", ["unknown_hole", "N", "rolling"])  # N: depth by block matching
+def test_the_first_look_is_what_the_task_shows(world, rolling):
     from vispeg.task.peg.task import PegInHoleVec
 
+    world = rolling if world == "rolling" else world
     plan, layout = plan_of(world, 8, cameras=CAMERAS, size=24, noise=0.0)
     seeds = [plan.episode_seed(0, i) for i in range(ROWS)]
     stage = Stage(plan, layout)

@@ -21,6 +21,9 @@ class Frame:
             depend on the light, also where no colour is delivered.
         normals: (n, H, W, 3) float32 surface normals in the camera's OpenCV axes; None if the renderer gives none.
         velocity: (n, 6) linear (m/s) and angular (rad/s) velocity of the camera in its own OpenCV axes, or None.
+        bodies: (n, H, W) number of the body that each pixel shows as rendered, which no effect changes; None if all
+            that is seen is at rest.
+        twists: (n, bodies, 6) as `velocity`, relative to each body; None without `bodies`.
         time: (n,) s since the episode began, for latency and dropped frames.
         parts: (n, H, W) number of the part that each pixel shows, 0 = none, moved with the pixels; or None.
         shown: (n,) s, time at which each image was taken: `time`, or earlier for a late image; or None.
@@ -33,6 +36,8 @@ class Frame:
     colour: np.ndarray | None = None
     normals: np.ndarray | None = None
     velocity: np.ndarray | None = None
+    bodies: np.ndarray | None = None
+    twists: np.ndarray | None = None
     time: np.ndarray = field(default_factory=lambda: np.zeros(1))
     parts: np.ndarray | None = None
     shown: np.ndarray | None = None

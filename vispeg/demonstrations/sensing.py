@@ -32,6 +32,7 @@ class Clip:
         depth: (T, H, W) float32, m, 0 = no reading.
         truth: (T, H, W) float32, m, depth as rendered; the same array as `depth` unless block matching made that.
         velocity: (T, 6) of the camera in its own axes, m/s and rad/s.
+        bodies: (T, H, W), and twists: (T, bodies, 6), as in `vispeg.core.frame.Frame`; None if no effect needs them.
         parts: (T, H, W) uint8, number of the part in each pixel, 0 = none; None without labels.
     """
 
@@ -42,6 +43,8 @@ class Clip:
     truth: np.ndarray
     velocity: np.ndarray
     parts: np.ndarray | None = None
+    bodies: np.ndarray | None = None
+    twists: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.rgb)
@@ -79,6 +82,7 @@ def sense(camera: Camera, clips: Sequence[Clip], period: float, rows: int = ROWS
     n = min(rows, len(clips))
     out = [Sensed(np.empty_like(c.rgb), np.empty_like(c.depth), np.empty(len(c), int), _empty(c.parts)) for c in clips]
     labelled = all(c.parts is not None for c in clips)
+    moving = all(c.bodies is not None for c in clips)
     clip_of, step, next_clip = list(range(n)), [0] * n, n  # clip and step of each row
     pipeline = Pipeline([clips[i].world for i in clip_of], camera.name)
     intrinsics = np.repeat(camera.K[None], n, axis=0)
@@ -91,6 +95,8 @@ def sense(camera: Camera, clips: Sequence[Clip], period: float, rows: int = ROWS
             K=intrinsics,
             truth=np.stack([c.truth[t] for c, t in now]),
             velocity=np.stack([c.velocity[t] for c, t in now]),
+            bodies=np.stack([c.bodies[t] for c, t in now if c.bodies is not None]) if moving else None,
+            twists=np.stack([c.twists[t] for c, t in now if c.twists is not None]) if moving else None,
             parts=np.stack([c.parts[t] for c, t in now if c.parts is not None]) if labelled else None,
             time=np.array(step) * period,
         )

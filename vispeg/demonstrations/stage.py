@@ -13,6 +13,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +39,7 @@ from vispeg.task.registry import task_of as contract_of
 from vispeg.task.result import EpisodeResult
 from vispeg.task.terms import LIMIT, PRIVILEGED
 from vispeg.task.world_file import load_world
-from vispeg.worlds.split import optical
+from vispeg.worlds.split import moving, optical
 from vispeg.worlds.world import World
 
 ROWS = 4  # episodes played side by side; a dataset's bytes depend on it
@@ -128,8 +129,9 @@ class Stage:
         self.sim = TaskSimulation(file.world, self.config, ROWS, "state")
         self.task = contract_of(self.config)
         self.expert = self.task.expert(self.config, ROWS)
-        make = {"backend": plan.backend, "shadows": bool(file.renderer.get("shadows", False))}
-        self.renderer = Renderer(self.scene, layout.cameras, labels=plan.labels, **make)
+        make: Any = {"backend": plan.backend, "shadows": bool(file.renderer.get("shadows", False))}
+        make |= {"labels": plan.labels, "moving": moving(self.seen)}
+        self.renderer = Renderer(self.scene, layout.cameras, **make)
         self.matcher = Matcher(self.renderer, self.scene, plan.backend)
 
     # Physics --------------------------------------------------------------------------------------------------
@@ -246,8 +248,17 @@ class Stage:
             own = [shot[c.name] for shot in shots]
             rgb, truth, velocity = (np.stack([getattr(s, key) for s in own]) for key in ("rgb", "depth", "velocity"))
             depth = np.stack([m[c.name] for m in matched]) if c.name in matched[0] else truth
-            parts = [s.segmentation.astype(np.uint8) for s in own if s.segmentation is not None]
-            clips[c.name] = Clip(world, view_seed, rgb, depth, truth, velocity, np.stack(parts) if parts else None)
+            clips[c.name] = Clip(
+                world,
+                view_seed,
+                rgb,
+                depth,
+                truth,
+                velocity,
+                _stacked([s.segmentation for s in own], np.uint8),
+                _stacked([s.bodies for s in own], np.uint16),
+                _stacked([s.twists for s in own], float),
+            )
         by_camera = {
             c.name: [{f"label.{self.scene.held}.{c.name}": at[1], f"label.camera.{c.name}": at[2 + i]} for at in poses]
             for i, c in enumerate(self.layout.cameras)
@@ -276,6 +287,12 @@ class Stage:
         """Close the renderers."""
         self.matcher.close()
         self.renderer.close()
+
+
+def _stacked(images: Sequence[np.ndarray | None], dtype: Any) -> np.ndarray | None:
+    """Return the arrays of all moments of a clip (T, ...); None without them."""
+    some = [image for image in images if image is not None]
+    return np.stack(some).astype(dtype) if some else None
 
 
 def _enough(episodes: Sequence[Played], wanted: int | None) -> bool:

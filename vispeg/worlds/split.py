@@ -37,3 +37,9 @@ def optical(world: AnyWorld, cameras: Sequence[str]) -> AnyWorld:
         return family == "appearance" or (family == "camera" and acts_on(e.where, cameras))
 
     return world.only(lambda e: bool(cameras) and visible(e))
+
+
+def moving(world: World | RandomizedWorld) -> bool:
+    """Return whether an effect of the world needs to know which bodies an image shows (see `CameraEffect.moving`)."""
+    entries = world.entries if isinstance(world, RandomizedWorld) else world.effects
+    return any(getattr(effect(e.effect), "moving", False) for e in entries)

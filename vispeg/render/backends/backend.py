@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import weakref
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, Literal
 
@@ -47,6 +47,8 @@ class Shot:
         segmentation: (H, W) int32, 1 + index of the part in `parts`, 0 for none; or None.
         normal_of: function that computes `normals` on demand, as they cost as much as an image; or None.
         poses: by name, (4, 4) poses of bodies and sites of the cell in camera axes, m (see `labels.poses`); or None.
+        bodies: (H, W) int32, id of the body seen, 0 (the world) where there is none; or None.
+        twists: (nbody, 6) as `velocity`, relative to each body; or None.
     """
 
     rgb: np.ndarray
@@ -56,6 +58,8 @@ class Shot:
     segmentation: np.ndarray | None = None
     normal_of: Callable[[], np.ndarray] | None = None
     poses: Mapping[str, np.ndarray] | None = None
+    bodies: np.ndarray | None = None
+    twists: np.ndarray | None = None
 
     @cached_property
     def normals(self) -> np.ndarray | None:
@@ -78,6 +82,7 @@ class Renderer:
         labels: whether shots carry segmentation, normals and poses.
         shadows: whether lights with `light_castshadow` cast shadows, at extra cost.
         parts: geom names of each part in the segmentation; default: the Scene's parts, else every geom.
+        moving: whether shots carry `bodies` and `twists`, at the cost of the segmentation.
 
     Attributes:
         model, data: the renderer's own model and state; `render` changes `data`.
@@ -99,6 +104,7 @@ class Renderer:
         labels: bool = False,
         shadows: bool = False,
         parts: Parts | None = None,
+        moving: bool = False,
     ):
         if backend not in BACKENDS:
             raise UserError("unknown renderer", key="backend", got=backend, choices=BACKENDS)
@@ -110,7 +116,7 @@ class Renderer:
             self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.pristine = Pristine(self.model)
-        self.labels, self.shadows = labels, shadows
+        self.labels, self.shadows, self.moving = labels, shadows, moving
         self._posed = model.posed if isinstance(model, Scene) else POSED  # the standard cell's names
         self._table = part_table(self.model, parts)
         self._uploaded = self.model.tex_data.copy()
@@ -193,11 +199,12 @@ class Renderer:
         mujoco.mj_camlight(self.model, self.data)
         true = [view_of(c, parent, self.data) for c, parent in zip(self.cameras, self._parents, strict=True)]
         drawn = [View(self._pinhole(v.camera), v.pos, v.rot) for v in true] if self._warps else true
-        pictures = backend.draw(self.data, drawn, self.labels)
+        pictures = backend.draw(self.data, drawn, self.labels or self.moving)
         shots = {}
         for view, parent, picture in zip(true, self._parents, pictures, strict=True):
-            velocity = velocity_of(view, parent, self.model, self.data, qvel)
-            shots[view.camera.name] = self._shot(view, velocity, picture)
+            relative_to = range(self.model.nbody if self.moving else 1)
+            twists = np.stack([velocity_of(view, parent, self.model, self.data, qvel, body) for body in relative_to])
+            shots[view.camera.name] = self._shot(view, twists, picture)
         return shots
 
     def restart(self) -> None:
@@ -232,14 +239,20 @@ class Renderer:
     def __exit__(self, *_: Any) -> None:
         self.close()
 
-    def _shot(self, view: View, velocity: np.ndarray, picture: Picture) -> Shot:
+    def _shot(self, view: View, twists: np.ndarray, picture: Picture) -> Shot:
         if self._warps and (warp := self._warps.get(view.camera)):
             picture = warp(picture)
-        if not self.labels or picture.ids is None:
-            return Shot(picture.rgb, picture.depth, view.matrix, velocity)
-        placed = poses(self.model, self.data, view, *self._posed)
-        labels = self._table[picture.ids], _normals(picture, view), placed
-        return Shot(picture.rgb, picture.depth, view.matrix, velocity, *labels)
+        shot = Shot(picture.rgb, picture.depth, view.matrix, twists[0])
+        if picture.ids is None:
+            return shot
+        if self.labels:
+            placed = poses(self.model, self.data, view, *self._posed)
+            labels = {"segmentation": self._table[picture.ids], "normal_of": _normals(picture, view), "poses": placed}
+            shot = replace(shot, **labels)
+        if self.moving:
+            bodies = np.append(self.model.geom_bodyid, 0)[picture.ids]  # the last entry is for id -1, no hit
+            shot = replace(shot, bodies=bodies, twists=twists)
+        return shot
 
     def _pinhole(self, camera: Camera) -> Camera:
         warp = self._warps.get(camera)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from vispeg.render.look import dress
 from vispeg.render.snapshot import Snapshot
 from vispeg.robots.scene import Scene
 from vispeg.worlds.randomized import RandomizedWorld
-from vispeg.worlds.split import optical
+from vispeg.worlds.split import moving, optical
 from vispeg.worlds.world import World
 
 
@@ -81,7 +82,8 @@ class CameraRig:
                 self._delivered[key_of(kind, c.name)] = np.zeros((rows, *kind.shape(c.height, c.width)), kind.dtype)
 
     def _renderer(self, cameras: Sequence[Camera]) -> Renderer:
-        return Renderer(self.scene, cameras, self.backend, shadows=self.shadows)  # type: ignore[arg-type]  # Renderer refuses others
+        how: Any = {"backend": self.backend, "shadows": self.shadows, "moving": moving(self.world)}
+        return Renderer(self.scene, cameras, **how)
 
     def begin(
         self,
@@ -144,6 +146,8 @@ class CameraRig:
         depth = None
         truth = np.stack([s.depth for s in shots])
         colour = np.stack([s.rgb for s in shots]).astype(np.float32) / 255
+        bodies = [s.bodies for s in shots if s.bodies is not None]
+        twists = [s.twists for s in shots if s.twists is not None]
         if DEPTH in self.kinds:
             matched = [self._matched[row].get(camera.name) for row in range(self.rows)]
             depth = np.stack([s.depth if m is None else m for s, m in zip(shots, matched, strict=True)])
@@ -154,6 +158,8 @@ class CameraRig:
             truth=truth,
             colour=colour,
             velocity=np.stack([s.velocity for s in shots]),
+            bodies=np.stack(bodies) if bodies else None,
+            twists=np.stack(twists) if twists else None,
             time=np.array([m.count for m in moments]) * self.period,
         )
 

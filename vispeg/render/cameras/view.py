@@ -124,18 +124,31 @@ def view_of(camera: Camera, parent: tuple[str, int], data: mujoco.MjData) -> Vie
 
 
 def velocity_of(
-    view: View, parent: tuple[str, int], model: mujoco.MjModel, data: mujoco.MjData, qvel: np.ndarray | None
+    view: View,
+    parent: tuple[str, int],
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    qvel: np.ndarray | None,
+    relative_to: int = 0,
 ) -> np.ndarray:
-    """Return the velocity (6,) of a camera in its own axes, m/s and rad/s, for joint velocities; None is at rest.
+    """Return the velocity (6,) of a camera relative to a body, in the camera's axes, m/s and rad/s.
 
     The kinematics and the positions relative to the centre of mass in `data` must be computed.
+
+    Args:
+        view, parent: the camera in the world, and what it is fixed to.
+        model, data: of the cell.
+        qvel: (nv,) joint velocities; None is at rest.
+        relative_to: id of the body; 0 is the world.
     """
     kind, i = parent
-    if qvel is None or kind == "world":
+    carrier = 0 if kind == "world" else int(model.site_bodyid[i]) if kind == "site" else i
+    if qvel is None or model.body_weldid[carrier] == model.body_weldid[relative_to]:
         return np.zeros(6)
-    jac = np.zeros((2, 3, model.nv))
-    mujoco.mj_jac(model, data, jac[0], jac[1], view.pos, model.site_bodyid[i] if kind == "site" else i)
-    return (jac @ qvel @ view.rot).reshape(-1)
+    own, other = np.zeros((2, 2, 3, model.nv))
+    mujoco.mj_jac(model, data, own[0], own[1], view.pos, carrier)
+    mujoco.mj_jac(model, data, other[0], other[1], view.pos, relative_to)
+    return ((own - other) @ qvel @ view.rot).reshape(-1)
 
 
 def planar(buffer: np.ndarray) -> np.ndarray:

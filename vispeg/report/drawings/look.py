@@ -22,6 +22,7 @@ from vispeg.render.look import dress
 from vispeg.render.snapshot import Snapshot
 from vispeg.task.eyes import resized
 from vispeg.task.start import home
+from vispeg.worlds.split import moving
 from vispeg.worlds.words import place
 from vispeg.worlds.world import World
 
@@ -50,7 +51,8 @@ def draw(kind: Effect, where: str | None, scene: Any, path: Path, *, overwrite: 
     shown = ["external", where if where in by_name and where != "external" else "wrist_wide"]
     cameras = [resized(by_name[name], SIZE) for name in shown]
     rows = []
-    with Renderer(scene, cameras, shadows=kind.name == "shadows") as renderer:
+    how: Any = {"shadows": kind.name == "shadows", "moving": moving(World(effects=(placed,)))}
+    with Renderer(scene, cameras, **how) as renderer:
         posture = home(scene)
         qpos = np.concatenate([posture, np.zeros(renderer.model.nq - len(posture))])
         qvel = np.append(SPEED, np.zeros(renderer.model.nv - 1))
@@ -77,7 +79,9 @@ def _seen(shot: Shot, truth: np.ndarray, camera: Camera, world: World) -> np.nda
     `truth` (H, W) m is depth as rendered, which also scales the colours of depth.
     """
     rgb, velocity = shot.rgb[None].astype(np.float32) / 255, shot.velocity[None]
-    frame = Frame(rgb, shot.depth[None], camera.K[None], truth=truth[None], velocity=velocity)
+    bodies, twists = (None if a is None else a[None] for a in (shot.bodies, shot.twists))
+    of_motion = {"velocity": velocity, "bodies": bodies, "twists": twists}
+    frame = Frame(rgb, shot.depth[None], camera.K[None], truth=truth[None], **of_motion)
     out = Pipeline([world], camera.name).run(frame, [stream(0, "look", camera.name)])
     assert out.rgb is not None and out.depth is not None  # the frame had both
     colour = np.round(255 * np.clip(out.rgb[0], 0, 1)).astype(np.uint8)
