@@ -117,6 +117,13 @@ def test_a_cell_states_its_board_and_a_board_that_cannot_be_is_named():
         with pytest.raises(UserError) as error:
             board_of(CellBelief("nominal", board=wrong), Path("rig/recording.yaml"))
         assert "cell.board" in str(error.value) and "recording.yaml" in str(error.value)
+    for change, said in (
+        ({"columns": 0}, "rig.yaml: cell.board.columns, rows: no such pattern; expected 3x3 to 100x100; got '0x4'"),
+        ({"square": 2.0}, "rig.yaml: cell.board.square: impossible size of a square; expected 0.0001 to 1 m; got 2.0"),
+    ):
+        with pytest.raises(UserError) as error:
+            board_of(CellBelief("nominal", board={**STATED, **change}), Path("rig.yaml"))
+        assert str(error.value) == said
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(7, 5), (5, 7), (6, 4), (7, 6), (6, 7)])

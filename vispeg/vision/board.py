@@ -23,6 +23,10 @@ from vispeg.vision.geometry import Geometry
 
 SOFT = 1.0  # px, misplacement from which a corner loses weight in the estimate of the pose
 LEAST = 4  # corners of a view that fix a pose
+KEYS = {
+    "--board": "kind",
+    "--pattern": "columns, rows",
+}  # option of `vispeg camera calibrate` -> keys of a cell's board
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +88,9 @@ def board_of(cell: CellBelief | None, file: str | Path | None = None) -> Board |
             "is no board", file=file, key="cell.board", expected=expected, got=", ".join(cell.board)
         ) from error
     except UserError as error:
-        raise UserError(str(error), file=file, key="cell.board") from error
+        option = str(error.key)
+        key, what = KEYS.get(option, option.lstrip("-")), str(error.args[0]).removeprefix(f"{option}: ")
+        raise UserError(what, file=file, key=f"cell.board.{key}") from error
     if board.symmetric:
         expected = "one odd and one even number of inner corners, or a ChArUco board"
         raise UserError(
