@@ -153,6 +153,25 @@ def test_a_student_comes_near_its_teacher_and_the_run_can_go_on(tmp_path):
     assert len(curve(folder)) == 5
 
 
+def test_reinforcement_has_no_demonstrations_from_a_round_in_which_the_student_acts(tmp_path):
+    """Its transitions hold the teacher's actions: they are those that led on only where the teacher alone acts."""
+
+    class Away(Pointing):
+        def act(self, obs):
+            return -super().act(obs)
+
+    for beta in (1.0, 0.3):
+        ring = collect(Sb3Env(Reach(4)), Pointing(), Away(), beta, 80, 0.0, seed=0)
+        batch = ring._batch(*np.nonzero(ring.starts))
+        here, there = (obs["privileged"][:, :2].numpy() for obs in (batch.obs, batch.next_obs))
+        led = np.clip(here - STEP * batch.action.numpy()[:, :2], -1, 1)
+        assert np.allclose(led, there, atol=1e-5) == (beta == 1)
+    c = config("depth", recipe="distill+sac", distill={"betas": (0.3, 0.0)})
+    with pytest.raises(UserError, match="distill.betas: reinforcement draws from the first round.*expected 1 first"):
+        distilled(c, tmp_path / "run", make("depth"), False, Pointing())
+    assert not (tmp_path / "run").exists()
+
+
 def test_runs_of_neighbouring_seeds_share_no_starts_in_any_round(tmp_path):
     from vispeg.learn.methods.distill import distill
     from vispeg.learn.methods.recipes import distill_settings

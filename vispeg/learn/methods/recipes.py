@@ -42,7 +42,8 @@ def distilled(
 
     Raises:
         UserError: there is neither teacher nor dataset, it does not fit the task, or `looks` is above 1 for a dataset
-            or where all looks would be equal.
+            or where all looks would be equal; or reinforcement is to follow a first round in which not the teacher
+            alone acts.
     """
     config = settled(config)
     if teacher is None and config.teacher is None and config.dataset is None:
@@ -60,6 +61,10 @@ def distilled(
         }
         demonstrated = from_folder(config.dataset, modality, actor.layout, config.seed, actor.device, **options)
     else:
+        if config.recipe == "distill+sac" and settings.betas[0] < 1:
+            # labels are the actions of its transitions only where nobody but the teacher acts
+            what = "reinforcement draws from the first round, in which the teacher alone must act"
+            raise UserError(what, key="distill.betas", expected="1 first", got=settings.betas)
         check(run.env.env, settings.looks)
         teacher = teacher or teacher_of(str(config.teacher), run.env.env.config)
     begin(config, folder)
