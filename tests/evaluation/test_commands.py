@@ -270,6 +270,28 @@ def test_a_result_saved_from_python_knows_its_policies_and_worlds_as_the_command
     assert not (tmp_path / "h").exists() and len(err.strip().splitlines()) == 1
 
 
+def test_episodes_that_saw_other_images_are_not_mixed_with_those_that_see_these(vispeg, tmp_path, played, monkeypatch):
+    import cv2
+
+    played(lambda job, seed: True)
+    texture = "- {effect: image_texture, where: table, params: {amount: 1, pick: {uniform: [0, 1]}}}"
+    (tmp_path / "w.yaml").write_text(f"format: vispeg-world/1\nbase: nominal\neffects:\n{texture}\n")
+    for folder, grey in (("a", 10), ("b", 200)):
+        (tmp_path / folder).mkdir()
+        cv2.imwrite(str(tmp_path / folder / "x.png"), np.full((8, 8, 3), grey, np.uint8))
+    run = ("evaluate", "rgb-S", "--world", "w.yaml", "--videos", "0", "--out", "e")
+    monkeypatch.setenv("VISPEG_TEXTURES", str(tmp_path / "a"))
+    assert vispeg(*run, "--episodes", "2")[0] == 0
+    (tmp_path / "e" / "evaluate.json").unlink()  # as of a run that was stopped
+    monkeypatch.setenv("VISPEG_TEXTURES", str(tmp_path / "b"))
+    code, _, err = vispeg(*run, "--episodes", "3")
+    assert code == 2 and "images: w stood for another one when this folder was begun" in err
+    more = ("gap", "rgb-S", "--worlds", "w.yaml", "nominal", "--controls", "none", "--episodes", "2", "--fine-tuned")
+    code, _, err = vispeg(*more, "--records", "e/episodes.jsonl", "--out", "g")
+    assert code == 2 and "other images for the looks of w" in err and not (tmp_path / "g").exists()
+    assert len(read(tmp_path / "e" / "episodes.jsonl")) == 2
+
+
 def test_a_recorded_episode_is_filmed_without_being_played_and_the_film_says_how_it_ended_this_time(
     vispeg, tmp_path, played
 ):

@@ -14,19 +14,21 @@ from vispeg.core.cluster import Engine, on_ray
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.core.workers import pool_of
+from vispeg.demonstrations.plan import images_of
 from vispeg.evaluation.arena import play
 from vispeg.evaluation.entrants import OBJECT, Entrant
 from vispeg.evaluation.folder import EPISODES
-from vispeg.evaluation.jobs import IMAGE_ROWS, Job
+from vispeg.evaluation.jobs import IMAGE_ROWS, Job, has_eyes
 from vispeg.evaluation.records import Episode, append, read
 from vispeg.formats.format import enrol
 from vispeg.formats.json_data import read_json
 from vispeg.render.backends.backend import jobs_a_process
+from vispeg.task.registry import config_of
 from vispeg.task.world_file import load_world
 
 DIVERGED = "diverged"  # folder of episodes whose simulation diverged, to be replayed
 RUN = "run.json"
-Names = dict[str, dict[str, str]]  # `policies` and `worlds`: name -> hash
+Names = dict[str, dict[str, str]]  # `policies`, `worlds`, and `images` of the looks of worlds: name -> hash
 Arena = Callable[[Job], list[Episode]]
 J = TypeVar("J", bound=Job)
 R = TypeVar("R")
@@ -114,7 +116,7 @@ def _sendable(who: Entrant, expected: str) -> None:
 
 
 def _same_run(jobs: Sequence[Job], out: Path) -> str:
-    """Return the content of run.json, the hashes behind the names of policies and worlds.
+    """Return the content of run.json, the hashes behind the names of policies and worlds, and of the looks' images.
 
     Raises:
         UserError: a name stands for two hashes, in these jobs or in the folder and in these jobs.
@@ -126,11 +128,22 @@ def _same_run(jobs: Sequence[Job], out: Path) -> str:
         for kind, name, value in (("policies", policy, j.entrant.digest), ("worlds", world, j.world_hash)):
             if now[kind].setdefault(name, value) != value:
                 raise UserError("two of one name; play them in runs of their own", key=kind, got=name)
+    now["images"] = _images(jobs)
     return text_of(_joined(_in(out), now, "when this folder was begun; name another folder", out))
 
 
 def _none() -> Names:
-    return {"policies": {}, "worlds": {}}
+    return {"policies": {}, "worlds": {}, "images": {}}
+
+
+def _images(jobs: Sequence[Job]) -> dict[str, str]:
+    """Return by world the digest of the images from which its looks draw, as far as a policy sees them."""
+    out = {}
+    for world, name in {(j.world, j.world_name) for j in jobs if has_eyes(j.entrant)}:
+        file = load_world(world)
+        if digest := images_of(file, config_of(file.task).cameras):
+            out[name] = digest
+    return out
 
 
 def _joined(names: Names, more: Names, when: str, file: Path) -> Names:
@@ -193,8 +206,10 @@ def failures(episodes: Iterable[Episode], most: int) -> list[Episode]:
     return chosen
 
 
-def check_stored(jobs: Sequence[Job], stored: Iterable[Episode], files: Iterable[Path]) -> None:
+def check_stored(jobs: Sequence[Job], stored: Iterable[Episode], files: Sequence[Path]) -> None:
     """Raise UserError where stored episodes have the name of a job's policy or world, but come from another one.
+
+    The same holds for the images of a world's looks.
 
     Args:
         jobs: the jobs of the run.
@@ -212,6 +227,12 @@ def check_stored(jobs: Sequence[Job], stored: Iterable[Episode], files: Iterable
                 expected=hashes[name][:12],
                 got=e.world_hash[:12],
             )
+    images = _images(jobs) if files else {}
+    for file in files:
+        for name, digest in _in(Path(file).parent)["images"].items():
+            if images.get(name, digest) != digest:
+                what = f"the records are from other images for the looks of {name}"
+                raise UserError(what, file=file, expected=images[name][:12], got=digest[:12])
     digests = {f"{j.entrant.name}/s{j.entrant.train_seed}": j.entrant.digest for j in jobs}
     for file in files:
         for name, digest in made_with(file).items():
