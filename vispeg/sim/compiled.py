@@ -63,7 +63,7 @@ def of_postures(robot: RobotModel, q: np.ndarray, get: Callable[[Nominal, np.nda
 def flange_pose(robot: RobotModel, q: np.ndarray) -> np.ndarray:
     """Compute the nominal flange pose (..., 7) x y z qw qx qy qz in the base for joint angles (..., nj)."""
     flat = np.nan_to_num(q.reshape(-1, q.shape[-1]))
-    pose = of_postures(robot, flat, lambda nominal, some: np.concatenate(nominal.operational(some)[2:4], axis=1))
+    pose = of_postures(robot, flat, lambda nominal, block: np.concatenate(nominal.operational(block)[2:4], axis=1))
     return pose.reshape(*q.shape[:-1], 7)
 
 

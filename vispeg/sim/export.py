@@ -46,7 +46,7 @@ POLYNOMIAL = ("damping", "stiffness")  # attributes of which effects change the 
 INERTIAL = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
 OPTIONS = ("opt.gravity", "opt.iterations")
 QUAT = mujoco.mjtOrientation.mjORIENTATION_QUAT  # a file may state an orientation in another way, which wins
-HELD = {*NUMBERS, *INERTIAL, *OPTIONS}
+HELD = {*NUMBERS, *INERTIAL, *OPTIONS}  # mjModel fields that an MJCF can state
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def to_mjcf(world: World, meshes: str = "meshes", robot: RobotModel | None = Non
     _motors(spec, robot, {a.effect.name: a for a in activate(robot, [motors])})
     spec.option.timestep = step
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    files = _beside(spec, meshes)
+    files = _read_from(spec, meshes)
     spec.compile()
     left_out = tuple(e for e in world.effects if e not in native)
     return Exported(listed(left_out) + spec.to_xml(), native, left_out, files)
@@ -193,7 +193,7 @@ def _motors(spec: mujoco.MjSpec, robot: RobotModel, active: Mapping[str, Active]
             motor.forcerange = (bias[j] - limit[j], bias[j] + limit[j])
 
 
-def _beside(spec: mujoco.MjSpec, folder: str) -> dict[str, bytes]:
+def _read_from(spec: mujoco.MjSpec, folder: str) -> dict[str, bytes]:
     """Let a spec read meshes, height fields, skins and textures from a folder; return {name in the text: content}."""
     home, meshes, textures = Path(spec.modelfiledir or "."), spec.meshdir or "", spec.texturedir or ""
     files: dict[str, bytes] = {}

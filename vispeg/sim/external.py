@@ -54,7 +54,8 @@ class External:
     def noise(self) -> tuple[float, float]:
         """Return the 1-sigma of force (N) and torque (N m), averaged over directions and samples.
 
-        It is that of white noise with the same variance of block means: the low-pass lowers it but adds correlation.
+        The low-pass lowers the variance of samples but correlates them, which leaves the variance of block means as it
+        is. The result is the 1-sigma of white noise with that variance of block means.
         """
         variance = np.mean((self.gain * self.white) ** 2 @ np.ones(len(self.white)), axis=0)
         return float(np.sqrt(variance[:3].mean())), float(np.sqrt(variance[3:].mean()))
@@ -94,10 +95,10 @@ def needed(arm: RobotModel, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> n
     """Compute the torques (n, nj) N m of the links, without tool, for a motion (n, nj) in rad, rad/s, rad/s^2."""
     model = copy(compiled(arm))
     for body in range(model.nbody):
-        above = body
-        while above and model.body(above).name != "tool":
-            above = int(model.body_parentid[above])
-        if above:
+        ancestor = body
+        while ancestor and model.body(ancestor).name != "tool":
+            ancestor = int(model.body_parentid[ancestor])
+        if ancestor:  # the tool, or a body that it carries
             model.body_mass[body], model.body_inertia[body] = 0.0, 0.0
     return InverseDynamics(model, arm.joints).torque(q, dq, ddq)
 
@@ -108,10 +109,10 @@ def flange_jacobian(arm: RobotModel, q: np.ndarray) -> np.ndarray:
 
     out = np.empty((len(q), 6, q.shape[1]))
     for start in range(0, len(q), ARMS):
-        some = slice(start, start + ARMS)
-        _, jac, _, quat, _ = nominal_of(arm, len(q[some])).operational(q[some])
+        block = slice(start, start + ARMS)
+        _, jac, _, quat, _ = nominal_of(arm, len(q[block])).operational(q[block])
         turn = Rotation.from_quat(quat, scalar_first=True).inv().as_matrix()
-        out[some, :3], out[some, 3:] = turn @ jac[:, :3], turn @ jac[:, 3:]
+        out[block, :3], out[block, 3:] = turn @ jac[:, :3], turn @ jac[:, 3:]
     return out
 
 
@@ -162,13 +163,13 @@ def _steady(rec: Recording, residual: np.ndarray, jac: np.ndarray, white: np.nda
         weights.append(_blocks((blind[rows] ** 2).sum(axis=2), size))
     noise = white**2 / size
     moved = np.concatenate(air_means) if air_means else np.zeros((1, residual.shape[1]))
-    free = np.maximum(np.quantile(moved**2, MOSTLY, axis=0) - QUANTILE * noise, 0.0)
-    square = linear**2 + free
+    air_variance = np.maximum(np.quantile(moved**2, MOSTLY, axis=0) - QUANTILE * noise, 0.0)
+    variance = linear**2 + air_variance
     measured = float(np.sum(np.concatenate(null_means) ** 2))
     weight = np.concatenate(weights).sum(axis=0)
-    expected = float(weight @ square)
+    expected = float(weight @ variance)
     extra = measured - float(weight @ noise)
-    return np.sqrt(square * max(1.0, extra / expected if expected > 0 else 1.0))
+    return np.sqrt(variance * max(1.0, extra / expected if expected > 0 else 1.0))
 
 
 def _blocks(values: np.ndarray, size: int) -> np.ndarray:

@@ -24,7 +24,7 @@ class InverseDynamics:
         self.model = model
         self.qadr = columns([model.joint(j).qposadr[0] for j in joints])
         self.vadr = columns([model.joint(j).dofadr[0] for j in joints])
-        self._batch = lru_cache(maxsize=2)(lambda n: mjb.Batch(model, n, nthread=1))  # whole blocks, and the rest
+        self._batch = lru_cache(maxsize=2)(lambda n: mjb.Batch(model, n, nthread=1))  # full blocks, and the last
 
     def torque(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         """Return the torques (n, nj) N m for a motion (n, nj) in rad, rad/s and rad/s^2."""
@@ -38,13 +38,13 @@ class InverseDynamics:
         """
         mass, bias = np.empty((*q.shape, q.shape[1])), np.empty_like(q)
         for start in range(0, len(q), ARMS):
-            some = slice(start, start + ARMS)
-            batch = self._batch(len(q[some]))
-            batch.bind("qpos")[:, self.qadr], batch.bind("qvel")[:, self.vadr] = q[some], dq[some]
+            block = slice(start, start + ARMS)
+            batch = self._batch(len(q[block]))
+            batch.bind("qpos")[:, self.qadr], batch.bind("qvel")[:, self.vadr] = q[block], dq[block]
             total, passive, inertia = (batch.bind(name) for name in ("qfrc_bias", "qfrc_passive", "M"))
             batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
-            mass[some] = dense(self.model, inertia)[:, self.vadr][:, :, self.vadr]
-            bias[some] = (total - passive)[:, self.vadr]
+            mass[block] = dense(self.model, inertia)[:, self.vadr][:, :, self.vadr]
+            bias[block] = (total - passive)[:, self.vadr]
         return mass, bias
 
 
@@ -53,10 +53,9 @@ def uncounted(model: mujoco.MjModel) -> list[str]:
     out = []
     for i in np.flatnonzero(model.eq_active0):
         of_joint = model.eq_type[i] == mujoco.mjtEq.mjEQ_JOINT
-        ends = (
-            [model.joint(int(j)).name for j in (model.eq_obj1id[i], model.eq_obj2id[i]) if j >= 0] if of_joint else []
-        )
-        out.append("coupling of " + " and ".join(ends) if ends else f"equality {model.equality(i).name or i + 1}")
+        ids = [int(j) for j in (model.eq_obj1id[i], model.eq_obj2id[i]) if j >= 0] if of_joint else []
+        ends = " and ".join(model.joint(j).name for j in ids)
+        out.append(f"coupling of {ends}" if ends else f"equality {model.equality(i).name or i + 1}")
     for i in np.flatnonzero(model.tendon_limited.astype(bool) | (model.tendon_frictionloss > 0)):
         out.append(f"limit or friction of tendon {model.tendon(i).name or i + 1}")
     return out

@@ -44,7 +44,7 @@ class Nominal:
         self.bias = self.batch.bind("qfrc_bias")
 
     def gravity(self, q: np.ndarray) -> np.ndarray:
-        """Return the gravity torque (nsim, nj) N m at joint angles q (nsim, nj) rad."""
+        """Return the gravity torque (nsim, nj) N m at joint angles q (nsim, nj) rad; the next call may overwrite it."""
         self.qpos[:, self.qadr] = q
         self.qvel[:] = 0.0
         self.batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
@@ -54,31 +54,32 @@ class Nominal:
         """Return the quantities of operational space control at joint angles q (n, nj) rad.
 
         Returns:
-            Inertia (n, nj, nj), Jacobian (n, 6, nj), flange position (n, 3) m and quaternion (n, 4) wxyz in the base
-            frame, and gravity torque (n, nj) N m.
+            Inertia (n, nj, nj) kg m^2, Jacobian (n, 6, nj) m/rad above rad/rad, flange position (n, 3) m and quaternion
+            (n, 4) wxyz in the base frame, and gravity torque (n, nj) N m.
         """
-        if not hasattr(self, "read"):
+        if not hasattr(self, "inputs"):
             self._bind()
         self.gravity(q)
         n, nj = len(self.qpos), len(self.dofs)
         out = np.empty((n, nj, nj)), np.empty((n, 6, nj)), np.empty((n, 3)), np.empty((n, 4)), np.empty((n, nj))
-        self.work_out(*self.read, *out)
+        self.evaluate(*self.inputs, *out)
         return out
 
     def _bind(self) -> None:
+        """Set the kernel of `operational`, its `inputs`, and `dofs`, the dof addresses of the joints."""
         from vispeg.kernels.arm import operational
 
-        self.work_out, model, bind = operational, self.batch.model, self.batch.bind
+        self.evaluate, model, bind = operational, self.batch.model, self.batch.bind
         self.dofs = np.arange(self.nv)[self.vadr]
         number = dense(model, 1.0 + np.arange(len(model.M_colind))[None])[0]  # index of each element + 1, or 0
-        place = number[np.ix_(self.dofs, self.dofs)].astype(int) - 1
-        above, body = set(), self.body
+        place = number[np.ix_(self.dofs, self.dofs)].astype(int) - 1  # (nj, nj) places in M, -1 for 0
+        carriers, body = set(), self.body
         while body:
-            above, body = above | {body}, int(model.body_parentid[body])
-        moves = np.array([int(b) in above for b in model.dof_bodyid[self.dofs]])
+            carriers, body = carriers | {body}, int(model.body_parentid[body])
+        moves = np.array([int(b) in carriers for b in model.dof_bodyid[self.dofs]])  # dofs that move the flange
         states = bind("M"), bind("cdof"), bind("site_xpos"), bind("subtree_com"), bind("xquat"), self.bias
         root = int(model.body_rootid[self.body])
-        self.read = (*states, place, self.dofs, moves, model.site_quat[self.site].copy(), self.site, root, self.body)
+        self.inputs = (*states, place, self.dofs, moves, model.site_quat[self.site].copy(), self.site, root, self.body)
 
 
 def columns(ids: Sequence[int] | np.ndarray) -> slice | np.ndarray:

@@ -59,7 +59,7 @@ class EffectLoop:
         self.frictions = [a for a in active if a.effect.overrides("friction")]
         self.torques = [a for a in active if a.effect.overrides("torque")]
         self.senses = [a for a in active if a.effect.overrides("observe")]
-        # effects inside a servo's loop: it reads its own encoder without the delay of logged readings
+        # what a servo's own loop reads: sensor effects with a state (noise, delay, gaps) are those of logged readings
         self.inside = [a for a in self.senses if a.effect.family == "joint" or not a.effect.overrides("start")]
         self.wrists = [a for a in active if a.effect.overrides("wrench")]
         self.inverses = [a for a in active if a.effect.overrides("inverse")]
@@ -166,7 +166,7 @@ class EffectLoop:
         return wrench
 
     def delivered(self, command: np.ndarray) -> np.ndarray:
-        """Return the torque (n, nj) N m that the drives deliver for `command`, N m; undone by `inverse` of a motor."""
+        """Return the torque (n, nj) N m of the drives for `command`, N m; `inverse` with "motor" undoes it."""
         for a in self.inverses:
             command = a.effect.drive(None, command, None, a.p)
         return command

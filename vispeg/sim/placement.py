@@ -23,7 +23,7 @@ class Model(Protocol):
 
     @property
     def links(self) -> tuple[str, ...]:
-        """Names of the bodies that they turn."""
+        """Names of the bodies that the joints move."""
         ...
 
     @property

@@ -77,7 +77,7 @@ class Plant:
             self.batch.expand("dof_solref")[:, self.vadr] = (2 * self.h, 1.0)
             self.batch.expand("dof_solimp")[:, self.vadr] = STIFF_FRICTION
         self.armature, self.damping = self._row_field("dof_armature"), self._row_field("dof_damping")
-        self.damped, self.late = bool(self.damping.any()), self.damping * self.h
+        self.damped, self.lag_gain = bool(self.damping.any()), self.damping * self.h
 
     def _row_field(self, name: str) -> np.ndarray:
         value = self.batch.expanded(name)
@@ -165,7 +165,7 @@ class Plant:
     def _apply(self, torque: np.ndarray | float) -> None:
         """Apply the torques other than the motors'. MuJoCo's implicit damping acts a step late; this is compensated."""
         if self.damped:
-            torque = torque + self.late * self.x.ddq
+            torque = torque + self.lag_gain * self.x.ddq
         if self.pushed or np.ndim(torque) or torque:
             self.applied[:, self.vadr] = torque
             self.pushed = True

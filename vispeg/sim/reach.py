@@ -11,7 +11,7 @@ from vispeg.sim.nominal import Nominal
 def reach(
     nominal: Nominal, pos: np.ndarray, quat: np.ndarray, start: np.ndarray, iterations: int = 15, damping: float = 1e-4
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Solve for joint angles by Levenberg-Marquardt steps with fixed damping (Wampler, IEEE Trans. SMC 16(1), 1986).
+    """Solve for joint angles by damped least squares (Wampler, IEEE Trans. SMC 16(1), 1986), less damped in each step.
 
     Args:
         nominal: evaluator with as many rows as there are poses.
@@ -19,7 +19,7 @@ def reach(
         quat: (n, 4) flange orientation wxyz.
         start: (n, nj) rad.
         iterations: fixed number of steps, so that a row's result does not depend on the other rows.
-        damping: squared damping factor.
+        damping: squared damping factor of the first step.
 
     Returns:
         q (n, nj) in rad, and the norm of the remaining pose error (n,), m and rad together.

@@ -142,7 +142,7 @@ class _Run:
         out = np.empty((4, ticks, *q0.shape))
         true_q = np.empty((ticks, *q0.shape)) if want_ee else None
         motor = np.zeros_like(q0)
-        self.wild = np.zeros(self.rows.nsim, bool)
+        self.warned = np.zeros(self.rows.nsim, bool)  # rows that MuJoCo reset as diverged
         ends: dict[int, list[int]] = {}
         for i, s in enumerate(self.rows.segments):
             ends.setdefault(s.ticks - 1, []).append(i)
@@ -164,7 +164,7 @@ class _Run:
                 if sub:
                     plant.read()
                 motor = plant.step(command if self.servos is None else self.servos.torque(command), hold)
-                if self.servos is not None and not sub:  # a loop's torque is a mean over its step: that at the tick
+                if self.servos is not None and not sub:  # a torque is a mean over its step; at the tick, of both sides
                     out[3, k] = 0.5 * (out[3, k] + motor)
             for i in ends.get(k, ()):
                 self._end(i)
@@ -174,15 +174,15 @@ class _Run:
     def _end(self, i: int) -> None:
         """Note which rows diverged by the end of segment `i`; what they do after it is ignored."""
         rows = slice(i * self.rows.nworld, (i + 1) * self.rows.nworld)
-        self.wild[rows] = self.plant.batch.warning[rows, :, 1].any(axis=1)
+        self.warned[rows] = self.plant.batch.warning[rows, :, 1].any(axis=1)  # column 1 counts the warnings
 
     def _response(self, i: int, out: np.ndarray, true_q: np.ndarray | None) -> Response:
         nworld, s = self.rows.nworld, self.rows.segments[i]
         rows = slice(i * nworld, (i + 1) * nworld)
         q, dq, joint, motor = (self._sampled(s, out[c][:, rows]) for c in range(4))
-        bad = ~np.all(np.isfinite(q), axis=(1, 2)) | (np.abs(q).max(axis=(1, 2)) > ANGLE) | self.wild[rows]
+        bad = ~np.all(np.isfinite(q), axis=(1, 2)) | (np.abs(q).max(axis=(1, 2)) > ANGLE) | self.warned[rows]
         far = ~np.all(np.isfinite(q) & (np.abs(q) < ANGLE) & (np.abs(dq) < SPEED), axis=2)
-        first = np.where(far.any(axis=1), far.argmax(axis=1), -1)
+        first = np.where(far.any(axis=1), far.argmax(axis=1), -1)  # the end, if only a warning tells
         at = np.where(bad, s.time[first], np.nan)
         true = None if true_q is None else self._sampled(s, true_q[:, rows])
         ee = None if true is None else flange_pose(self.robot, true)

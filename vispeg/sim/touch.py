@@ -83,34 +83,34 @@ def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = Non
     pos, quat, twist, rate = _flange(arm, *(np.nan_to_num(v) for v in (q, dq, ddq)))
     axes = np.stack([rotated(quat, np.tile(e, (len(quat), 1))) for e in np.eye(3)], axis=2)  # (n, 3, 3) flange to base
     wrench = canonical(rec.ft, rec.wrench or WrenchSensor(), axes)
-    weight = compiled(arm).opt.gravity
-    weighed = rec.wrench is not None and rec.wrench.tared == "weight"
-    needed = _needed(tool_of(arm), axes, twist[:, 3:], rate, np.zeros(3) if weighed else weight)
+    weightless = rec.wrench is not None and rec.wrench.tared == "weight"  # the sensor has subtracted the tool's weight
+    gravity = np.zeros(3) if weightless else compiled(arm).opt.gravity
+    needed = _needed(tool_of(arm), axes, twist[:, 3:], rate, gravity)
     residual = needed - np.concatenate([rotated(quat, wrench[:, :3]), rotated(quat, wrench[:, 3:])], axis=1)
     residual[np.isnan(rec.q).any(axis=1)] = np.nan  # the motion is only interpolated there
     contact = _zeroed(rec, bridged(rec.time, residual, rec.episode), axes)  # a missing reading does not end a touch
     lever = np.array([0.0, 0.0, scene.tip]) if scene else np.zeros(3)
     tip = pos + axes @ lever
     velocity = twist[:, :3] + np.cross(twist[:, 3:], axes @ lever)
-    inside = None
+    depth = None
     if scene is not None:
         tip, velocity = tip - scene.target, velocity.copy()
-        inside = np.where(np.hypot(tip[:, 0], tip[:, 1]) < scene.config.apothem, -tip[:, 2], -1.0)
+        depth = np.where(np.hypot(tip[:, 0], tip[:, 1]) < scene.config.apothem, -tip[:, 2], -1.0)
     noise = wrench_noise(rec.noise)
     th = thresholds or Thresholds()
     least = max(th.touch, NOISES * float(noise[0]) if noise is not None else 0.0)
     th = Thresholds(least, th.slide, th.inside, th.hit, th.impact)
     force, regime = np.linalg.norm(contact[:, :3], axis=1), np.zeros(len(tip), int)
-    unit = _surface(contact[:, :3])
-    along = velocity - np.sum(velocity * unit, axis=1, keepdims=True) * unit
+    normal = _normal(contact[:, :3])
+    tangential = velocity - np.sum(velocity * normal, axis=1, keepdims=True) * normal
     for rows in episodes(rec.time, rec.episode):
-        deep = None if inside is None else inside[rows]
-        speeds = np.linalg.norm(along[rows], axis=1), np.linalg.norm(velocity[rows], axis=1)
-        regime[rows] = regimes(rec.time[rows], force[rows], *speeds, deep, th)
+        depths = None if depth is None else depth[rows]
+        speeds = np.linalg.norm(tangential[rows], axis=1), np.linalg.norm(velocity[rows], axis=1)
+        regime[rows] = regimes(rec.time[rows], force[rows], *speeds, depths, th)
     return Touch(wrench, contact, np.concatenate([pos, quat], axis=1), tip, velocity, regime, least)
 
 
-def _surface(force: np.ndarray) -> np.ndarray:
+def _normal(force: np.ndarray) -> np.ndarray:
     """Return the base axis (n, 3) nearest to the contact force as the surface normal: friction tilts the force."""
     out = np.zeros_like(force)
     out[np.arange(len(force)), np.nan_to_num(np.abs(force)).argmax(axis=1)] = 1.0
@@ -121,13 +121,13 @@ def _flange(arm: RobotModel, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> 
     """Compute position, quaternion, twist (n, 6) and its rate (n, 6) of the flange; Jdot by a central difference."""
     parts = []
     for start in range(0, len(q), ROWS):
-        some = slice(start, start + ROWS)
-        nominal, h = nominal_of(arm, len(q[some])), 1e-5
-        before = nominal.operational(q[some] - h * dq[some])[1].copy()
-        after = nominal.operational(q[some] + h * dq[some])[1].copy()
-        _, jac, pos, quat, _ = nominal.operational(q[some])
-        rate = np.einsum("nij,nj->ni", jac, ddq[some]) + np.einsum("nij,nj->ni", (after - before) / (2 * h), dq[some])
-        parts.append((pos, quat.copy(), np.einsum("nij,nj->ni", jac, dq[some]), rate))
+        block = slice(start, start + ROWS)
+        nominal, h = nominal_of(arm, len(q[block])), 1e-5  # h: s, step of the difference
+        before = nominal.operational(q[block] - h * dq[block])[1]
+        after = nominal.operational(q[block] + h * dq[block])[1]
+        _, jac, pos, quat, _ = nominal.operational(q[block])
+        rate = np.einsum("nij,nj->ni", jac, ddq[block]) + np.einsum("nij,nj->ni", (after - before) / (2 * h), dq[block])
+        parts.append((pos, quat, np.einsum("nij,nj->ni", jac, dq[block]), rate))
     return tuple(np.concatenate(p) for p in zip(*parts, strict=True))
 
 

@@ -40,8 +40,8 @@ def check_units(rec: Recording) -> None:
         UserError: two signals contradict each other, or torques contradict the model's. If a unit contradicts only the
             robot's stated limits, that is a warning, as limits in robot files may be placeholders.
     """
-    limits, needs = Limits(*(np.full((len(rec.joints), *n), np.inf) for n in ((2,), (), ()))), None
-    limits.range[:, 0] = -np.inf
+    nj, needs = len(rec.joints), None
+    limits = Limits(np.tile([-np.inf, np.inf], (nj, 1)), np.full(nj, np.inf), np.full(nj, np.inf))
     try:
         robot = load_for(rec.joints, rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
     except UserError:  # the error is raised again where the robot is needed

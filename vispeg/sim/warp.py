@@ -39,7 +39,7 @@ FULL = int(  # what happened if a row had not enough room
     | mjw.OverflowType.NARROWPHASE
     | mjw.OverflowType.CCD
 )
-PLACES = frozenset({"body_pos", "body_quat", "geom_pos", "geom_quat"})
+PLACES = frozenset({"body_pos", "body_quat", "geom_pos", "geom_quat"})  # fields that place geoms
 # Kept on the host: the limits of `WarpBatch.step`, and marks by which MuJoCo saves work that MuJoCo Warp always does
 HOST = frozenset({"opt.iterations", "body_sameframe", "geom_sameframe", "site_sameframe"})
 
@@ -89,8 +89,9 @@ class WarpBatch:
         if lacking:
             raise UserError("MuJoCo Warp steps no model with this state here", key="engine", got=lacking)
         dim = int(model.geom_condim.max(initial=1))
-        each = dim if model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC else max(1, 2 * (dim - 1))
-        room = {"nconmax": CONTACTS, "njmax": 3 * model.nv + model.neq * 6 + CONTACTS * each}
+        rows_each = dim if model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC else max(1, 2 * (dim - 1))
+        # friction and both limits of each dof, equalities, contacts
+        room = {"nconmax": CONTACTS, "njmax": 3 * model.nv + model.neq * 6 + CONTACTS * rows_each}
         try:
             self._model, self._data = mjw.put_model(model), mjw.make_data(model, nworld=nsim, **room)
         except (NotImplementedError, ValueError) as error:

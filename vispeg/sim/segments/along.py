@@ -50,12 +50,12 @@ def inertia(s: Segment, robot: RobotModel) -> np.ndarray:
 
 def apparent_inertia(s: Segment, robot: RobotModel) -> np.ndarray:
     """Return the apparent inertia 1 / (M^-1)_jj (nj,) kg m^2, the least over at most 31 samples of the motion."""
-    some = s.q[:: max(1, s.ticks // 16)]
-    return np.min(1.0 / np.diagonal(np.linalg.inv(_inertia_at(some, robot)), axis1=1, axis2=2), axis=0)
+    samples = s.q[:: max(1, s.ticks // 16)]
+    return np.min(1.0 / np.diagonal(np.linalg.inv(_inertia_at(samples, robot)), axis1=1, axis2=2), axis=0)
 
 
 def _inertia_at(q: np.ndarray, robot: RobotModel) -> np.ndarray:
-    return of_postures(robot, q, lambda nominal, some: nominal.operational(some)[0])
+    return of_postures(robot, q, lambda nominal, block: nominal.operational(block)[0])
 
 
 def _gravity(nominal: Nominal, q: np.ndarray) -> np.ndarray:

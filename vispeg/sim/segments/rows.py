@@ -25,15 +25,15 @@ class ByTick:
     def __init__(self, values: np.ndarray, nworld: int):
         self.values, self.nworld = values, nworld
         self.count = max(1, CHUNK // max(1, values[0].size * nworld))
-        self.first, self.some = 0, values[:0]
+        self.first, self.block = 0, values[:0]  # tick at which the block begins, and its values
 
     def __getitem__(self, k: int) -> np.ndarray:
         if self.nworld == 1:
             return self.values[k]
-        if not 0 <= k - self.first < len(self.some):
+        if not 0 <= k - self.first < len(self.block):
             self.first = k
-            self.some = np.repeat(self.values[k : k + self.count], self.nworld, axis=1)
-        return self.some[k - self.first]
+            self.block = np.repeat(self.values[k : k + self.count], self.nworld, axis=1)
+        return self.block[k - self.first]
 
 
 class Rows:

@@ -96,7 +96,7 @@ def _segment(rec: Recording, rows: np.ndarray) -> Segment:
         if (values := getattr(rec, name)) is not None
     }
     if rec.ee_cmd is not None:
-        pose = on_grid(np.hstack([rec.ee_cmd[rows, :3], _steady(rec.ee_cmd[rows, 3:])]))
+        pose = on_grid(np.hstack([rec.ee_cmd[rows, :3], _continuous(rec.ee_cmd[rows, 3:])]))
         pose[:, 3:] /= np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
         command["ee_cmd"] = pose
     read = rec.q[rows]
@@ -108,12 +108,12 @@ def _segment(rec: Recording, rows: np.ndarray) -> Segment:
     return Segment(rec.control, tick, command, q, dq, raw, time, rows)
 
 
-def _steady(quaternions: np.ndarray) -> np.ndarray:
+def _continuous(quaternions: np.ndarray) -> np.ndarray:
     """Return quaternions (n, 4) of the same rotations, each with the sign that is nearer to the one before."""
-    out, there = quaternions.copy(), np.isfinite(quaternions).all(axis=1)
-    read = out[there]
-    turned = np.sum(read[1:] * read[:-1], axis=1) < 0
-    out[there] = read * np.cumprod(np.where(np.r_[False, turned], -1.0, 1.0))[:, None]
+    out, present = quaternions.copy(), np.isfinite(quaternions).all(axis=1)
+    read = out[present]
+    flips = np.sum(read[1:] * read[:-1], axis=1) < 0
+    out[present] = read * np.cumprod(np.where(np.r_[False, flips], -1.0, 1.0))[:, None]
     return out
 
 
