@@ -93,7 +93,7 @@ def prepare(
     flange = _declared(spec, model, links[-1], declared, label) if declared.flange else _flange(spec, model, links[-1])
     for name in joints:
         _motor(spec, name)
-    for name, damping in zip(joints, declared.damping, strict=False):
+    for name, damping in zip(joints, declared.damping, strict=False):  # empty if not declared
         spec.joint(name).damping = [damping, 0.0, 0.0]
     free = np.array([[-np.inf, np.inf]])
     return Arm(
@@ -108,7 +108,7 @@ def prepare(
 
 
 def _name(elements: Sequence[Any], word: str, group: Sequence[Any]) -> None:
-    """Name each element without a name by `word` and the first number, from its own on, that is free in its group."""
+    """Name each element without a name: `word` and the first number from its position on that is free in its group."""
     taken = {element.name for element in group}
     for i, element in enumerate(elements, start=1):
         element.name = element.name or next(name for k in count(i) if (name := f"{word}{k}") not in taken)
@@ -134,8 +134,9 @@ def _check_numbers(model: mujoco.MjModel, label: str) -> None:
     joints = {"axis": model.jnt_axis, "pos": model.jnt_pos, "range": limited, "ref": model.qpos0[model.jnt_qposadr]}
     for kind, arrays in (("body", bodies), ("joint", joints)):
         for key, values in arrays.items():
-            rows = np.abs(values).reshape(len(values), values.size // max(1, len(values))).max(axis=1, initial=0.0)
-            bad = np.flatnonzero(~(rows <= LARGEST))  # NaN too
+            size = values.size // max(1, len(values))  # numbers per element
+            largest = np.abs(values).reshape(len(values), size).max(axis=1, initial=0.0)
+            bad = np.flatnonzero(~(largest <= LARGEST))  # NaN too
             if len(bad):
                 name = getattr(model, kind)(int(bad[0])).name
                 got = np.ravel(values[bad[0]]).tolist()
@@ -222,10 +223,10 @@ def _flange(spec: mujoco.MjSpec, model: mujoco.MjModel, last: int) -> str:
                 if word in re.split(r"[^a-z0-9]+", name.lower()):
                     if kind == "site":
                         body = model.body(int(model.site_bodyid[index])).name
-                        return _add(spec, body, model.site_pos[index], model.site_quat[index])
-                    return _add(spec, name)
+                        return _add_flange(spec, body, model.site_pos[index], model.site_quat[index])
+                    return _add_flange(spec, name)
         rigid = int(model.body_weldid[model.body_parentid[rigid]])
-    return _add(spec, model.body(last).name)
+    return _add_flange(spec, model.body(last).name)
 
 
 def _declared(spec: mujoco.MjSpec, model: mujoco.MjModel, last: int, declared: RobotConfig, label: str) -> str:
@@ -235,14 +236,14 @@ def _declared(spec: mujoco.MjSpec, model: mujoco.MjModel, last: int, declared: R
     bodies = [model.body(b).name for b in rigid]
     name = declared.flange
     pos, quat = np.zeros(3), np.empty(4)
-    still, turn = np.array([1.0, 0.0, 0.0, 0.0]), np.array(declared.flange_quat) / np.linalg.norm(declared.flange_quat)
+    turn = np.array(declared.flange_quat) / np.linalg.norm(declared.flange_quat)
     if name in sites:
         site = sites[name]
         body, frame = model.body(int(model.site_bodyid[site])).name, model.site_quat[site]
         mujoco.mju_rotVecQuat(pos, np.array(declared.flange_pos), frame)
         pos += model.site_pos[site]
     elif name in bodies:
-        body, frame, pos = name, still, np.array(declared.flange_pos)
+        body, frame, pos = name, np.array([1.0, 0.0, 0.0, 0.0]), np.array(declared.flange_pos)
     else:
         choices = [c for c in (*sites, *bodies) if c]
         what = "no such site or body beyond the last joint"
@@ -250,10 +251,10 @@ def _declared(spec: mujoco.MjSpec, model: mujoco.MjModel, last: int, declared: R
     mujoco.mju_mulQuat(quat, frame, turn)
     for site in [s for s in spec.sites if s.name == "flange"]:
         site.name = "flange of the file"
-    return _add(spec, body, pos, quat)
+    return _add_flange(spec, body, pos, quat)
 
 
-def _add(spec: mujoco.MjSpec, body: str, pos=(0.0, 0.0, 0.0), quat=(1.0, 0.0, 0.0, 0.0)) -> str:
+def _add_flange(spec: mujoco.MjSpec, body: str, pos=(0.0, 0.0, 0.0), quat=(1.0, 0.0, 0.0, 0.0)) -> str:
     spec.body(body).add_site(name="flange", pos=pos, quat=quat, group=4)
     return "flange"
 

@@ -37,7 +37,7 @@ def bench(robot: RobotModel) -> Scene:
     model = spec.compile()
     parts: dict[str, tuple[str, ...]] = {ARM: ()}
     things: list[str] = []
-    of_arm = _arm(model, robot)
+    of_arm = _arm_bodies(model, robot)
     for name in dict.fromkeys(drawn):
         body = int(model.geom_bodyid[model.geom(name).id])
         part = ARM if body in of_arm else name if body == 0 else model.body(body).name
@@ -58,7 +58,7 @@ def _of_world_or_tool(geom: mujoco.MjsGeom) -> bool:
     return geom.parent.name in ("world", "tool")
 
 
-def _arm(model: mujoco.MjModel, robot: RobotModel) -> set[int]:
+def _arm_bodies(model: mujoco.MjModel, robot: RobotModel) -> set[int]:
     """Return the ids of the bodies that count as the arm.
 
     These are the robot's base unless it is the world body, every body that a joint of the file moves, and the

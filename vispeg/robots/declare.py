@@ -55,12 +55,12 @@ class RobotConfig:
             "velocity_limit": (lambda x: x > 0, "above 0 rad/s"),
             "damping": (lambda x: 0 <= x < math.inf, "0 or more N m s/rad"),
         }
-        for key, (right, expected) in rules.items():
-            if not all(right(x) for x in getattr(self, key)):
+        for key, (valid, expected) in rules.items():
+            if not all(valid(x) for x in getattr(self, key)):
                 raise UserError("impossible robot", key=f"robot.{key}", expected=expected, got=getattr(self, key))
         if not 0 <= self.repeatability < math.inf:
-            said = {"key": "robot.repeatability", "expected": "0 or more, m", "got": self.repeatability}
-            raise UserError("impossible robot", **said)
+            key, got = "robot.repeatability", self.repeatability
+            raise UserError("impossible robot", key=key, expected="0 or more, m", got=got)
         if math.hypot(*self.flange_quat) < 1e-6:
             raise UserError("not a rotation", key="robot.flange_quat", expected="w x y z", got=self.flange_quat)
         if not self.flange and (any(self.flange_pos) or self.flange_quat != RobotConfig.flange_quat):

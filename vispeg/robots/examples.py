@@ -59,5 +59,6 @@ def write_mjcf(folder: Path) -> Path:
 
 
 def _stl(folder: Path) -> None:
+    """Write skin.stl, a tetrahedron, as a binary STL without normals."""
     triangles = (struct.pack("<12fH", 0, 0, 0, *(x for i in face for x in CORNERS[i]), 0) for face in FACES)
     (folder / "skin.stl").write_bytes(bytes(80) + struct.pack("<I", len(FACES)) + b"".join(triangles))

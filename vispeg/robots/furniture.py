@@ -80,7 +80,8 @@ def room(spec: mujoco.MjSpec, things: Sequence[UserThing] = ()) -> dict[str, tup
     parked = {"rgba": (0.5, 0.5, 0.5, 0.0), "material": "distractors"}
     for name, thing in zip(names, things, strict=False):
         add_seen(spec, world, name, thing.vertices, thing.faces, {"pos": (0.9, 0.0, -BELOW), **parked})
-    for i, (name, shape) in enumerate(zip(names, () if things else SHAPES, strict=False)):
+    built_in = () if things else SHAPES
+    for i, (name, shape) in enumerate(zip(names, built_in, strict=False)):
         world.add_geom(
             name=name, type=shape, size=(0.001, 0.001, 0.001), pos=(0.9, 0.1 * i - 0.2, 0.0), **parked, **flat
         )

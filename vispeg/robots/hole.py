@@ -24,6 +24,8 @@ WALL, PLATE = "hole_wall", "hole_plate"  # names of the wedges and plates, befor
 TOP = "hole_top"  # a box without a hole, cheap in contact; it has no contact until its contype is set to `TOUCHED`
 TOUCHED, UNTOUCHED = 1, 2  # contypes; the parts of a cell collide only with the first
 FLAT = 2e-3  # m: width of the wedges' top around the bevel, so that no wedge is too thin
+FLOOR = 0.02  # m: material below the hole
+CONTACT = {"contype": TOUCHED, "conaffinity": 0, "group": 3, "rgba": (0.2, 0.6, 0.9, 0.4)}  # geoms that are not drawn
 
 
 def sides(radius: float, error: float = ROUND_ERROR) -> int:
@@ -109,10 +111,6 @@ def _add(spec: mujoco.MjSpec, body, quarter: list[np.ndarray], name: str) -> Non
         body.add_geom(name=f"{name}{i}", type=MESH, meshname=f"{name}{k}", quat=quat, **CONTACT)
 
 
-FLOOR = 0.02  # m: material below the hole
-CONTACT = {"contype": TOUCHED, "conaffinity": 0, "group": 3, "rgba": (0.2, 0.6, 0.9, 0.4)}
-
-
 def visual(n: int, apothem: float, outer: float, depth: float, chamfer: float) -> tuple[np.ndarray, np.ndarray]:
     """Return vertices (v, 3) in m and triangles (f, 3) of the block with its hole, for drawing.
 
@@ -138,10 +136,8 @@ def visual(n: int, apothem: float, outer: float, depth: float, chamfer: float) -
         high = np.column_stack([r1 * ring, np.full(m + 1, z1)])
         vertices.append(np.concatenate([low, high]))
         i = np.arange(m) + start
-        quad = [np.stack([i, i + 1, i + m + 2], 1)]
         if r1 > 0:
-            quad.append(np.stack([i, i + m + 2, i + m + 1], 1))
-        else:
-            quad = [np.stack([i, i + 1, i + m + 1], 1)]
-        faces += quad
+            faces += [np.stack([i, i + 1, i + m + 2], 1), np.stack([i, i + m + 2, i + m + 1], 1)]
+        else:  # all upper corners are one point on the axis
+            faces.append(np.stack([i, i + 1, i + m + 1], 1))
     return np.concatenate(vertices), np.concatenate(faces)

@@ -90,6 +90,7 @@ def find(robot: str) -> Path | None:
 
 
 def _entry(folder: Path, entry: str) -> Path:
+    """Return a folder's MJCF named `entry`; for "" the one whose name ends the folder's name, else the first."""
     files = sorted(p for p in folder.glob("*.xml") if not p.stem.startswith("scene"))
     if entry:
         named = [p for p in files if p.stem == entry]

@@ -34,9 +34,9 @@ def read_mjcf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
         raise UserError(f"MuJoCo cannot read it: {error}", file=path) from error
     # the sizes in the file are for its own scene
     spec.memory, spec.nuserdata, spec.nkey, spec.njmax, spec.nconmax = -1, 0, 0, -1, -1
-    _strip(spec, path)
-    _own_options(spec)
-    _weighed(spec, path)
+    _drop_missing(spec, path)
+    _reset_options(spec)
+    _drop_compensation(spec, path)
     limits = _limits(spec, path)
     for group in (spec.actuators, spec.sensors, spec.keys):  # they depend on elements that are replaced
         for element in list(group):
@@ -44,7 +44,7 @@ def read_mjcf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
     return spec, limits
 
 
-def _own_options(spec: mujoco.MjSpec) -> None:
+def _reset_options(spec: mujoco.MjSpec) -> None:
     """Set all options but those of `AROUND` to MuJoCo's defaults; gravity that is disabled is zero."""
     option, usual = spec.option, mujoco.MjSpec().option
     if option.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY:
@@ -53,17 +53,18 @@ def _own_options(spec: mujoco.MjSpec) -> None:
         setattr(option, name, getattr(usual, name))
 
 
-def _weighed(spec: mujoco.MjSpec, path: Path) -> None:
-    """Let all bodies have their weight; a note names those whose weight the file compensates."""
-    held = [body for body in spec.bodies if body.gravcomp]
-    for body in held:
+def _drop_compensation(spec: mujoco.MjSpec, path: Path) -> None:
+    """Set `gravcomp` of all bodies to 0; a note names those whose weight the file compensates."""
+    compensated = [body for body in spec.bodies if body.gravcomp]
+    for body in compensated:
         body.gravcomp = 0.0
-    if held:
+    if compensated:
         what = "gravcomp is left out, as the controller of a recording states whether weight is compensated"
-        note(f"{path}: {what}: {', '.join(body.name or 'a body without a name' for body in held)}")
+        note(f"{path}: {what}: {', '.join(body.name or 'a body without a name' for body in compensated)}")
 
 
-def _strip(spec: mujoco.MjSpec, path: Path) -> None:
+def _drop_missing(spec: mujoco.MjSpec, path: Path) -> None:
+    """Delete meshes, height fields, skins and textures whose file is missing, and the geoms that use them."""
     base = path.resolve().parent
     folder = spec.meshdir
     meshes = {m.name or Path(m.file).stem: m for m in spec.meshes if _missing(spec, base, folder, m.file)}

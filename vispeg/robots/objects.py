@@ -124,9 +124,9 @@ def load_object(source: str | Path) -> ObjectModel:
     _check_rules(spec, body, path)
     for geom in shapes:
         _check_solref(geom, path)
-    most = max((geom.priority for geom in spec.geoms), default=0)
+    highest = max((geom.priority for geom in spec.geoms), default=0)
     for geom in shapes:
-        geom.priority = most + 1
+        geom.priority = highest + 1
     return ObjectModel(body.name, str(path.resolve()), spec.copy)
 
 

@@ -33,7 +33,7 @@ def check_resources(path: Path) -> None:
         UserError: a file cannot be read, is not a regular file or includes itself; a number is NaN, or infinite outside
             of a range; a range is inverted; there are too many elements; a size or number of iterations is too large.
     """
-    total = _file(path, path.resolve().parent, ())
+    total = _count_file(path, path.resolve().parent, ())
     if total > ELEMENTS:
         raise UserError("has too many elements", file=path, expected=f"at most {ELEMENTS}, copies counted", got=total)
 
@@ -43,7 +43,7 @@ def files_of(path: str | Path) -> list[Path]:
     if not is_file(path):
         return [Path(path)]  # its reader reports it
     files = [Path(path).expanduser().resolve()]
-    for file in files if files[0].suffix.lower() != ".urdf" else ():
+    for file in files if files[0].suffix.lower() != ".urdf" else ():  # `files` grows in the loop
         mentioned = (files[0].parent / name for name in _included(file, file.stat().st_mtime_ns))
         files += [f for f in dict.fromkeys(m.resolve() for m in mentioned if is_file(m)) if f not in files]
     return files
@@ -69,34 +69,35 @@ def _included(path: Path, stamp: int) -> tuple[str, ...]:
     return tuple(e.get("file", "") for e in elements if e.get("file"))
 
 
-def _file(path: Path, base: Path, above: tuple[Path, ...]) -> float:
-    """Return the number of elements in a file, including copies and the files that it includes."""
+def _count_file(path: Path, base: Path, above: tuple[Path, ...]) -> float:
+    """Check a file and those that it includes, and return their number of elements, including copies."""
     if path.resolve() in above:
         raise UserError("includes itself", file=path)
     read_text(path, 64 * MB)  # checks for UTF-8, the only encoding that MuJoCo reads
     root = read_xml(path)
     if not above and root.tag != "mujoco":
         raise UserError("not an MJCF", file=path, expected="<mujoco> (a URDF is called .urdf)", got=f"<{root.tag}>")
-    return _element(root, path, base, (*above, path.resolve()))
+    return _count_element(root, path, base, (*above, path.resolve()))
 
 
-def _element(element: ET.Element, path: Path, base: Path, above: tuple[Path, ...]) -> float:
+def _count_element(element: ET.Element, path: Path, base: Path, above: tuple[Path, ...]) -> float:
+    """Check an element and those below it, and return their number, including copies."""
     if element.tag in PARTS and element.get("file"):
         try:
-            return _file(base / element.get("file", ""), base, above)
+            return _count_file(base / element.get("file", ""), base, above)
         except UserError as error:
             raise UserError(str(error), file=path, key=element.tag) from None
     for key, text in element.attrib.items():
         if key not in NAMES:
             _numbers(text, f"{element.tag}.{key}", path)
     for key in SIDES.get(element.tag, ()):
-        if _whole(element.get(key)) > LARGEST:
+        if _size(element.get(key)) > LARGEST:
             at = f"{element.tag}.{key}"
             raise UserError("is too large", file=path, key=at, expected=f"at most {LARGEST}", got=element.get(key))
     copies = 1.0
     if element.tag in COPIES:
-        copies = math.prod(max(1.0, _whole(word)) for word in (element.get("count") or "1").split())
-    return copies * (1 + sum(_element(child, path, base, above) for child in element))
+        copies = math.prod(max(1.0, _size(word)) for word in (element.get("count") or "1").split())
+    return copies * (1 + sum(_count_element(child, path, base, above) for child in element))
 
 
 def _numbers(text: str, key: str, path: Path) -> None:
@@ -110,7 +111,8 @@ def _numbers(text: str, key: str, path: Path) -> None:
         raise UserError("limits are inverted", file=path, key=key, expected="low <= high", got=text)
 
 
-def _whole(text: str | None) -> float:
+def _size(text: str | None) -> float:
+    """Return the number in an attribute; 0 if it is missing or no number."""
     try:
         return float(text or 0)
     except ValueError:

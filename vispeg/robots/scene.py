@@ -143,10 +143,9 @@ def _build(
     furniture.lights(spec)
     _sensors(spec)
     base: dict[str, Any] = {f.name: getattr(arm, f.name) for f in fields(RobotModel)}
-    # a square peg is declared with the mass and inertia of the round peg of the same size
     extra: dict[str, Any] = {
         "config": config,
-        "nominal": arm,
+        "nominal": arm,  # a square peg is declared with the mass and inertia of the round peg of the same size
         "parts": parts,
         "cameras": cameras,
         "tip": tip,

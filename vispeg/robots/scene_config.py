@@ -33,7 +33,7 @@ class SceneConfig(PegGeometry):
             raise UserError("unknown peg shape", key="shape", got=self.shape, choices=("round", "square"))
         if self.clearance_mm is None and not self.hole_mesh:
             object.__setattr__(self, "clearance_mm", user_cell.CLEARANCE)
-        rules = {
+        rules = {  # key: (low, high, unit); low itself is excluded, so one that is allowed stands a little lower
             "clearance_mm": (0.0, 20.0, "mm"),
             "diameter": (0.005, 0.04, "m"),
             "depth": (0.005, 0.04, "m"),

@@ -42,7 +42,7 @@ def capsule(radius: float, half: float, sections: int) -> Surface:
     """Return a cylinder about z of half length `half` with round caps; a sphere if that is 0."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, 2 * (sections // 4) + 1)
     outline = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    lower, upper = outline[: len(angle) // 2 + 1], outline[len(angle) // 2 + (half == 0) :]
+    lower, upper = outline[: len(angle) // 2 + 1], outline[len(angle) // 2 + (half == 0) :]  # a sphere has one equator
     return turned(np.concatenate([lower - (0, half), upper + (0, half)]), sections)
 
 
@@ -52,9 +52,11 @@ def turned(outline: np.ndarray, sections: int) -> Surface:
     radius, height = outline[1:-1, :1], np.tile(outline[1:-1, 1:], sections)
     rings = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=2)
     poles = [(0.0, 0.0, z) for z in outline[[0, -1], 1]]
-    at = np.arange(rings.shape[0] * sections).reshape(-1, sections)
-    to = np.roll(at, -1, axis=1)
-    low, high = np.full(sections, at.size), np.full(sections, at.size + 1)
-    corners = (low, to[0], at[0]), (at[:-1], to[:-1], to[1:]), (at[:-1], to[1:], at[1:]), (high, at[-1], to[-1])
+    # indices of the vertices: each point of the rings, its neighbour on the ring, and the poles
+    here = np.arange(rings.shape[0] * sections).reshape(-1, sections)
+    beside = np.roll(here, -1, axis=1)
+    low, high = np.full(sections, here.size), np.full(sections, here.size + 1)
+    walls = (here[:-1], beside[:-1], beside[1:]), (here[:-1], beside[1:], here[1:])
+    corners = (low, beside[0], here[0]), *walls, (high, here[-1], beside[-1])
     faces = [np.stack(three, axis=-1).reshape(-1, 3) for three in corners]
     return np.concatenate([rings.reshape(-1, 3), poles]), np.concatenate(faces)

@@ -77,10 +77,10 @@ def attach(spec: mujoco.MjSpec, flange: str, tool: str | Mapping[str, Any] | Non
     site = spec.copy().compile().site(flange)  # a file may state the orientation in another way than as a quaternion
     body = spec.site(flange).parent.add_body(name="tool", pos=site.pos, quat=site.quat)
     if isinstance(tool, str):
-        _named(spec, body, tool)
+        _add_named(spec, body, tool)
     else:
         mass, com, inertia = stated(tool)
-        _set(body, mass, com, np.diag(inertia))
+        _set_inertial(body, mass, com, np.diag(inertia))
 
 
 def stated(tool: Mapping[str, Any]) -> tuple[float, np.ndarray, np.ndarray]:
@@ -123,33 +123,34 @@ def _numbers(tool: Mapping[str, Any], key: str, size: int) -> np.ndarray:
 
 def hold(tool: str) -> tuple[float, float]:
     """Return z in the flange frame of the held part's upper end and of the gripper's outermost point, m."""
-    if (own := gripper.of(tool)) is not None:
-        return own[0].grasp, own[0].reach
+    if (from_file := gripper.of(tool)) is not None:
+        return from_file[0].grasp, from_file[0].reach
     return GRASP, GRIPPER[1] + FINGER_SIZE[2]
 
 
-def _named(spec: mujoco.MjSpec, body: Any, name: str) -> None:
-    if (own := gripper.of(name)) is not None:
-        shape, peg = own
-        shape.add(spec, body)
-        _set(body, shape.mass, shape.com, shape.inertia)
+def _add_named(spec: mujoco.MjSpec, body: Any, name: str) -> None:
+    if (from_file := gripper.of(name)) is not None:
+        own, peg = from_file
+        own.add(spec, body)
+        _set_inertial(body, own.mass, own.com, own.inertia)
         if peg:
-            _peg(body, int(peg[3:]) / 1000, shape.grasp)
+            _add_peg(body, int(peg[3:]) / 1000, own.grasp)
         return
     match = re.fullmatch(r"meg50(?:\+peg(\d+))?", name)
     diameter = int(match[1]) / 1000 if match and match[1] else None
     if match is None or (diameter is not None and not 0.005 <= diameter <= 0.08):
         raise UserError("unknown tool", key="tool", expected="a peg of 5 to 80 mm, if any", got=name, choices=NAMES)
-    _solid(body, _gripper(0.5 * (diameter or 0.04)))
+    _add_shapes(body, _gripper(0.5 * (diameter or 0.04)))
     if diameter is not None:
-        _peg(body, diameter, GRASP)
+        _add_peg(body, diameter, GRASP)
 
 
-def _peg(body: Any, diameter: float, grasp: float) -> None:
+def _add_peg(body: Any, diameter: float, grasp: float) -> None:
+    """Add a body `peg` of `diameter` m whose upper end is at z = `grasp` m."""
     peg = body.add_body(name="peg")
     mass = STEEL * math.pi * diameter**2 / 4 * PEG_LENGTH
     steel = (0.62, 0.64, 0.67, 1.0)
-    _solid(peg, [Shape("peg", (diameter / 2, PEG_LENGTH), (0, 0, grasp + PEG_LENGTH / 2), mass, steel)])
+    _add_shapes(peg, [Shape("peg", (diameter / 2, PEG_LENGTH), (0, 0, grasp + PEG_LENGTH / 2), mass, steel)])
     peg.add_site(name="peg_tip", pos=(0, 0, grasp + PEG_LENGTH), group=4)
 
 
@@ -165,7 +166,7 @@ def _gripper(grip: float) -> list[Shape]:
     ]
 
 
-def _solid(body: Any, shapes: list[Shape]) -> None:
+def _add_shapes(body: Any, shapes: list[Shape]) -> None:
     """Add these shapes to a body as geoms, with their combined inertia; they collide with the scene, not the arm."""
     mass = sum(s.mass for s in shapes)
     com = np.sum([s.mass * np.array(s.pos) for s in shapes], axis=0) / mass
@@ -185,10 +186,10 @@ def _solid(body: Any, shapes: list[Shape]) -> None:
             conaffinity=1,
             mass=0.0,
         )
-    _set(body, mass, com, inertia)
+    _set_inertial(body, mass, com, inertia)
 
 
-def _set(body: Any, mass: float, com: np.ndarray, inertia: np.ndarray) -> None:
+def _set_inertial(body: Any, mass: float, com: np.ndarray, inertia: np.ndarray) -> None:
     """Set a body's mass, kg, centre of mass (3,), m, and inertia (3, 3) about it, kg m^2."""
     body.mass, body.ipos, body.explicitinertial = mass, com, True
     off = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]

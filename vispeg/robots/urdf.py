@@ -46,10 +46,10 @@ def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
     _refuse_xacro(root, path)
     check_urdf(root, path)
     _complete_ranges(root)
-    every = [(j.get("name", ""), j.find("limit")) for j in root.iter("joint")]
-    limits = {name: _limits(name, limit, path) for name, limit in every if limit is not None}
+    stated = [(j.get("name", ""), j.find("limit")) for j in root.iter("joint")]
+    limits = {name: _limits(name, limit, path) for name, limit in stated if limit is not None}
     options = _options(root, path)
-    _strip(root, path, options.get("meshdir", ""))
+    _resolve_meshes(root, path, options.get("meshdir", ""))
     _correct_inertias(root, path, options)
     for old in root.findall("mujoco"):
         root.remove(old)
@@ -79,10 +79,10 @@ def _couple(spec: mujoco.MjSpec, root: ET.Element) -> None:
         mimic = joint.find("mimic")
         if mimic is None or joint.get("type") == "fixed":
             continue
-        line = float(mimic.get("offset") or 0), float(mimic.get("multiplier") or 1)
+        offset, slope = float(mimic.get("offset") or 0), float(mimic.get("multiplier") or 1)
         coupling = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT)
         coupling.name1, coupling.name2 = joint.get("name", ""), mimic.get("joint", "")
-        coupling.data[:5] = (*line, 0.0, 0.0, 0.0)
+        coupling.data[:5] = (offset, slope, 0.0, 0.0, 0.0)  # coefficients of a polynomial
 
 
 def _complete_ranges(root: ET.Element) -> None:
@@ -97,6 +97,7 @@ def _complete_ranges(root: ET.Element) -> None:
 
 
 def _limits(joint: str, limit: ET.Element, path: Path) -> tuple[float, float]:
+    """Return a joint's limits of torque, N m, and velocity, rad/s; inf for an unknown one."""
     values = []
     for key in ("effort", "velocity"):
         text = limit.get(key)
@@ -138,7 +139,7 @@ def _correct_inertias(root: ET.Element, path: Path, options: Mapping[str, str]) 
     requests itself are not mentioned in the note.
     """
     asked = {"balance": options.get("balanceinertia") == "true", "bound": float(options.get("boundinertia", "0")) > 0}
-    said: list[str] = []
+    corrected: list[str] = []
     for link in root.findall("link"):
         inertia, mass = link.find("inertial/inertia"), link.find("inertial/mass")
         if inertia is None:
@@ -155,17 +156,17 @@ def _correct_inertias(root: ET.Element, path: Path, options: Mapping[str, str]) 
             unequal, moments = True, np.full(3, moments.mean())
         if not small and not unequal:
             continue
-        mended = axes @ np.diag(moments) @ axes.T if moments[0] != moments[2] else np.diag(moments)
+        tensor = axes @ np.diag(moments) @ axes.T if moments[0] != moments[2] else np.diag(moments)
         for key, place in MOMENTS.items():
-            inertia.set(key, repr(float(mended[place])))
+            inertia.set(key, repr(float(tensor[place])))
         if (small and not asked["bound"]) or (unequal and not asked["balance"]):
-            said.append(f"{link.get('name')} ({'too small' if small else 'A + B < C'})")
-    if said:
+            corrected.append(f"{link.get('name')} ({'too small' if small else 'A + B < C'})")
+    if corrected:
         cure = "corrected as by MuJoCo's balanceinertia and boundinertia"
-        note(f"{path}: impossible inertias are {cure}: {', '.join(said)}")
+        note(f"{path}: impossible inertias are {cure}: {', '.join(corrected)}")
 
 
-def _strip(root: ET.Element, path: Path, meshes: str) -> None:
+def _resolve_meshes(root: ET.Element, path: Path, meshes: str) -> None:
     """Make mesh paths absolute; drop shapes whose file is missing or has a format that MuJoCo does not read.
 
     `meshes` is the `meshdir` that the file states, in which meshes are looked for too, by path and by name alone.

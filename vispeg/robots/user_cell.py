@@ -169,7 +169,7 @@ def hold(config: PegGeometry, robot: RobotConfig, peg: UserShape) -> tuple[Robot
     spec.delete(spec.geom("peg"))
     peg.add(spec, body, "peg", lambda x: x * FLIP + [0, 0, tip], PEG_CONTACT, {})
     moments, axes = np.linalg.eigh(density * peg.inertia * np.outer(FLIP, FLIP))
-    axes[:, 0] *= np.sign(np.linalg.det(axes))
+    axes[:, 0] *= np.sign(np.linalg.det(axes))  # a rotation, not a reflection
     turn = np.empty(4)
     mujoco.mju_mat2Quat(turn, axes.ravel())
     body.mass, body.ipos = density * peg.volume, peg.com * FLIP + [0, 0, tip]
@@ -191,31 +191,35 @@ def fitted(config: PegGeometry, tool: str) -> float:
     stated = config.clearance_mm
     usual = CLEARANCE if stated is None else stated
     sizes = config.diameter, config.depth, config.shape, config.block, config.chamfer
-    left, drawn = (2000 * side for side in _play(*sizes, usual, peg, block))
-    if drawn < 0:
-        raise UserError("the peg does not fit its hole", key="peg_mesh", got=f"{-drawn / 2:.3g} mm too wide on a side")
-    if abs(drawn - left) > drawn / 2:
+    # one-sided clearances in m to clearances in mm
+    by_pieces, by_meshes = (2000 * side for side in _one_sided(*sizes, usual, peg, block))
+    if by_meshes < 0:
+        raise UserError(
+            "the peg does not fit its hole", key="peg_mesh", got=f"{-by_meshes / 2:.3g} mm too wide on a side"
+        )
+    if abs(by_meshes - by_pieces) > by_meshes / 2:
         raise UserError(
             "the convex pieces of the mesh are coarser than the clearance allows",
             key="mesh_concavity",
             expected=f"a smaller one than {config.mesh_concavity:g}",
-            got=f"they leave {left:.3g} mm of {drawn:.3g} mm",
+            got=f"they leave {by_pieces:.3g} mm of {by_meshes:.3g} mm",
         )
     if block is not None and stated is None:
-        return round(left, 3)
-    low, high = sorted((left, drawn))
+        return round(by_pieces, 3)
+    low, high = sorted((by_pieces, by_meshes))
     if low - SAME * usual <= usual <= high + SAME * usual:
         return usual
-    what = f"peg and hole have a clearance of {left:.3g} mm by their convex pieces, {drawn:.3g} mm by their meshes"
+    both = f"{by_pieces:.3g} mm by their convex pieces, {by_meshes:.3g} mm by their meshes"
+    what = f"peg and hole have a clearance of {both}"
     if block is not None:
-        raise UserError(what, key="clearance_mm", expected=f"{left:.3g} to {drawn:.3g}, or none", got=usual)
+        raise UserError(what, key="clearance_mm", expected=f"{by_pieces:.3g} to {by_meshes:.3g}, or none", got=usual)
     # a built-in hole has the width of `diameter` and `clearance_mm`, so the peg's diameter differs
-    width = config.diameter + 1e-3 * (usual - drawn)
+    width = config.diameter + 1e-3 * (usual - by_meshes)
     raise UserError(what, key="diameter", expected=f"{width:.6g}, as the peg has", got=config.diameter)
 
 
 @lru_cache(maxsize=32)
-def _play(
+def _one_sided(
     diameter: float,
     depth: float,
     shape: str,
@@ -241,13 +245,13 @@ def _play(
         block.add(spec, fixture, "fixture", lambda x: x, hole.CONTACT, {})
     else:
         hole.add_walls(spec, fixture, n, apothem, width, depth, chamfer)
-    contact = gap(spec.compile(), np.array([0.0, 0.0, at]))
-    drawn = np.inf
+    by_pieces = gap(spec.compile(), np.array([0.0, 0.0, at]))
+    by_meshes = np.inf
     solid = np.concatenate([_ring(n, apothem), _ring(n, width)])
     for z in at * (np.arange(LEVELS) + 0.5) / LEVELS:  # in the hole's frame
         inside = _ring(n, radius) if peg is None else peg.section(z - at)
-        drawn = min(drawn, play(inside, solid if block is None else block.section(z)))
-    return contact, float(drawn)
+        by_meshes = min(by_meshes, play(inside, solid if block is None else block.section(z)))
+    return by_pieces, float(by_meshes)
 
 
 def _ring(n: int, apothem: float) -> np.ndarray:

@@ -269,23 +269,23 @@ def _distance(points: np.ndarray, segments: np.ndarray) -> float:
     start, along = segments[:, 0], segments[:, 1] - segments[:, 0]
     length = np.maximum((along**2).sum(axis=1), 1e-24)
     least = np.inf
-    for some in np.array_split(points, max(1, len(points) * len(segments) // 1_000_000)):
-        to = some[:, None] - start  # (n, m, 2)
+    for block in np.array_split(points, max(1, len(points) * len(segments) // 1_000_000)):  # to save memory
+        to = block[:, None] - start  # (n, m, 2)
         share = np.clip((to * along).sum(axis=2) / length, 0.0, 1.0)
         least = min(least, float(np.linalg.norm(to - share[..., None] * along, axis=2).min()))
     return least
 
 
-def _cross(some: np.ndarray, others: np.ndarray) -> bool:
-    """Return whether any of the segments (n, 2, 2) crosses any of the others (m, 2, 2).
+def _cross(first: np.ndarray, second: np.ndarray) -> bool:
+    """Return whether any segment of `first` (n, 2, 2) crosses any of `second` (m, 2, 2).
 
     Two segments cross if the ends of each are on different sides of the other's line.
     """
-    across = [np.array([-1.0, 1.0]) * (s[:, 1] - s[:, 0])[:, ::-1] for s in (some, others)]  # normals (n, 2), (m, 2)
-    level = [(s[:, 0] * normal).sum(axis=1) for s, normal in zip((some, others), across, strict=True)]
-    for rows in np.array_split(np.arange(len(some)), max(1, len(some) * len(others) // 1_000_000)):
-        beyond = some[rows] @ across[1].T - level[1]  # (n, 2, m): ends of some, from the lines of others
-        behind = others @ across[0][rows].T - level[0][rows]  # (m, 2, n)
+    across = [np.array([-1.0, 1.0]) * (s[:, 1] - s[:, 0])[:, ::-1] for s in (first, second)]  # normals (n, 2), (m, 2)
+    level = [(s[:, 0] * normal).sum(axis=1) for s, normal in zip((first, second), across, strict=True)]
+    for rows in np.array_split(np.arange(len(first)), max(1, len(first) * len(second) // 1_000_000)):
+        beyond = first[rows] @ across[1].T - level[1]  # (n, 2, m): ends of the first, from the lines of the second
+        behind = second @ across[0][rows].T - level[0][rows]  # (m, 2, n)
         if ((beyond[:, 0] * beyond[:, 1] < 0) & (behind[:, 0] * behind[:, 1] < 0).T).any():
             return True
     return False
