@@ -54,8 +54,8 @@ class External:
     def noise(self) -> tuple[float, float]:
         """Return the 1-sigma of force (N) and torque (N m), averaged over directions and samples.
 
-        The low-pass lowers the variance of samples but correlates them, which leaves the variance of block means as it
-        is. The result is the 1-sigma of white noise with that variance of block means.
+        It is the 1-sigma of white noise with the same variance of block means, since the low-pass lowers the variance
+        of samples but correlates them.
         """
         variance = np.mean((self.gain * self.white) ** 2 @ np.ones(len(self.white)), axis=0)
         return float(np.sqrt(variance[:3].mean())), float(np.sqrt(variance[3:].mean()))

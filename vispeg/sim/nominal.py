@@ -72,7 +72,7 @@ class Nominal:
         self.evaluate, model, bind = operational, self.batch.model, self.batch.bind
         self.dofs = np.arange(self.nv)[self.vadr]
         number = dense(model, 1.0 + np.arange(len(model.M_colind))[None])[0]  # index of each element + 1, or 0
-        place = number[np.ix_(self.dofs, self.dofs)].astype(int) - 1  # (nj, nj) places in M, -1 for 0
+        place = number[np.ix_(self.dofs, self.dofs)].astype(int) - 1  # (nj, nj) indices in M, -1: none
         carriers, body = set(), self.body
         while body:
             carriers, body = carriers | {body}, int(model.body_parentid[body])

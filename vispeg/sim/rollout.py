@@ -142,7 +142,7 @@ class _Run:
         out = np.empty((4, ticks, *q0.shape))
         true_q = np.empty((ticks, *q0.shape)) if want_ee else None
         motor = np.zeros_like(q0)
-        self.warned = np.zeros(self.rows.nsim, bool)  # rows that MuJoCo reset as diverged
+        self.warned = np.zeros(self.rows.nsim, bool)  # rows with a warning of MuJoCo, as of a diverged state
         ends: dict[int, list[int]] = {}
         for i, s in enumerate(self.rows.segments):
             ends.setdefault(s.ticks - 1, []).append(i)
