@@ -47,15 +47,15 @@ class Matcher:
     """
 
     def __init__(self, renderer: Renderer, scene: Scene, backend: str):
-        self.renderer, self.scene, self.apart = renderer, scene, backend == "filament"
+        self.renderer, self.scene, self.separate_eyes = renderer, scene, backend == "filament"
         self._settings: dict[str, dict[str, float]] = {}
         self._eyes: Renderer | None = None
 
     def begin(self, world: World, bodies: Mapping[str, Any]) -> None:
-        """Begin an episode in a sampled world, with things at these places (see `dress`)."""
+        """Begin an episode in a sampled world, with bodies at these poses (see `dress`)."""
         found = {c.name: settings(world, c.name) for c in self.renderer.cameras}
         self._settings = {name: p for name, p in found.items() if p is not None}
-        if self._settings and self.apart:
+        if self._settings and self.separate_eyes:
             self._eyes = self._eyes or Renderer(self.scene, self.renderer.nominal, "auto")
             dress(self._eyes, self.scene, world, bodies)
 
@@ -172,7 +172,7 @@ def _eye_image(shot: Shot, eye: Camera, offset: float, p: Mapping[str, float], r
 
     light = to_linear(shot.rgb.astype(np.float32) / 255) @ LUMA
     if p["pattern"]:
-        z = np.where(shot.depth > 0, shot.depth, np.float32(1e3))
+        z = np.where(shot.depth > 0, shot.depth, np.float32(1e3))  # m; the sky is far
         u = np.arange(eye.width, dtype=np.float32) - np.float32(eye.cx)
         v = np.arange(eye.height, dtype=np.float32)[:, None] - np.float32(eye.cy)
         # coordinates, in the pattern, of the projector's ray to the point that each pixel shows
@@ -198,7 +198,7 @@ def _match(left: np.ndarray, right: np.ndarray, span: int, window: int) -> np.nd
     """Return the disparity (H, W) float32, px, of the left eye's image; 0 where no match is found."""
     import cv2
 
-    block = max(1, window | 1)
+    block = max(1, window | 1)  # px, odd as OpenCV requires
     matcher = cv2.StereoSGBM_create(  # pyright: ignore[reportAttributeAccessIssue]  # not declared by cv2
         minDisparity=0,
         numDisparities=span,

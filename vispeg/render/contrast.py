@@ -220,7 +220,7 @@ def redraw(
         shots = shown(drawn)
         if k == 0 and (small := _too_small(shots, renderer.cameras, scene, rule)):
             small &= _too_small(shown(fixed), renderer.cameras, scene, rule)
-            dress(renderer, scene, drawn, bodies)
+            dress(renderer, scene, drawn, bodies)  # again, as the line above has applied the nominal look
         score = contrast(shots, renderer.cameras, scene, rule, small)
         if score > best_score:
             best, best_score = drawn, score

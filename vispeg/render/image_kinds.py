@@ -85,29 +85,29 @@ def _steps(depth: np.ndarray) -> np.ndarray:
 
 
 DEPTH = ImageKind(
-    "depth",
-    1,
-    np.float32,
-    FAR,
-    "m, 0 = no reading",
-    _metres,
-    np.uint16,
-    _steps,
-    lambda steps: steps.astype(np.float32) * np.float32(STEP),
-    lambda image: depth_picture(image[0]),
+    name="depth",
+    channels=1,
+    dtype=np.float32,
+    high=FAR,
+    unit="m, 0 = no reading",
+    deliver=_metres,
+    stored=np.uint16,
+    pack=_steps,
+    unpack=lambda steps: steps.astype(np.float32) * np.float32(STEP),
+    picture=lambda image: depth_picture(image[0]),
     gaps=True,
 )
 RGB = ImageKind(
-    "rgb",
-    3,
-    np.uint8,
-    255,
-    "sRGB",
-    _colours,
-    np.uint8,
-    lambda image: image,
-    lambda image: image,
-    lambda image: np.moveaxis(image, 0, -1),
+    name="rgb",
+    channels=3,
+    dtype=np.uint8,
+    high=255,
+    unit="sRGB",
+    deliver=_colours,
+    stored=np.uint8,
+    pack=lambda image: image,
+    unpack=lambda image: image,
+    picture=lambda image: np.moveaxis(image, 0, -1),
 )
 KINDS = {kind.name: kind for kind in (DEPTH, RGB)}
 MODES: dict[str, tuple[ImageKind, ...]] = {  # modes of observation: the kinds of images in each
@@ -137,8 +137,8 @@ def enrol(kind: ImageKind, mode: str) -> ImageKind:
 
 def kind_of(key: str) -> ImageKind | None:
     """Return the kind of the image with this key in an observation; None if the key is not one of an image."""
-    kind, dash, camera = key.partition("_")
-    return KINDS.get(kind) if dash and camera else None
+    kind, _, camera = key.partition("_")
+    return KINDS.get(kind) if camera else None
 
 
 def camera_of(key: str) -> str:

@@ -54,9 +54,9 @@ def _step(points: np.ndarray, depth: np.ndarray, axis: int) -> np.ndarray:
     jump = np.where((depth[1:] > 0) & (depth[:-1] > 0), np.abs(np.diff(depth, axis=0)), np.inf)
     edge = np.full((1, *jump.shape[1:]), np.inf)
     ahead, behind = np.concatenate([jump, edge]), np.concatenate([edge, jump])
-    moved = np.diff(points, axis=0)
-    still = np.zeros((1, *moved.shape[1:]))
-    step = np.where((ahead <= behind)[..., None], np.concatenate([moved, still]), np.concatenate([still, moved]))
+    steps = np.diff(points, axis=0)
+    none = np.zeros((1, *steps.shape[1:]))
+    step = np.where((ahead <= behind)[..., None], np.concatenate([steps, none]), np.concatenate([none, steps]))
     step[~np.isfinite(np.minimum(ahead, behind))] = 0
     return np.moveaxis(step, 0, axis)
 

@@ -66,16 +66,16 @@ def dress(
     rows = _rows(renderer)
     for i, camera in rows.values():
         model_camera.write(renderer.model, i, camera)
-    before = {name: _camera_row(renderer.model, i) for name, (i, _) in rows.items()}
+    before = {name: _pose_and_intrinsics(renderer.model, i) for name, (i, _) in rows.items()}
     fields = Fields(renderer.model, scene)
     for writer, placed in writers(world):
         if writer.family == "camera":
             _need_rows(renderer, placed)
         writer.write(fields, values(writer, [placed], scene))
-    aimed = []
+    aimed = []  # a camera that no effect moved stays as it is, bit for bit
     for camera in renderer.nominal:
         i, _ = rows.get(camera.name, (None, None))
-        same = i is None or np.array_equal(before[camera.name], _camera_row(renderer.model, i))
+        same = i is None or np.array_equal(before[camera.name], _pose_and_intrinsics(renderer.model, i))
         aimed.append(camera if same or i is None else model_camera.read(renderer.model, i, camera))
     renderer.aim(aimed)
     return renderer.refresh()
@@ -92,15 +92,17 @@ def writers(world: World) -> list[tuple[Effect, list[EffectInstance]]]:
 
 
 def _rows(renderer: Renderer) -> dict[str, tuple[int, Camera]]:
+    """Return by name the row in the model, and the camera as placed, of each camera that has a row."""
     pairs = ((c, model_camera.row_of(renderer.model, c)) for c in renderer.nominal)
     return {c.name: (i, c) for c, i in pairs if i is not None}
 
 
-def _camera_row(model: mujoco.MjModel, i: int) -> np.ndarray:
+def _pose_and_intrinsics(model: mujoco.MjModel, i: int) -> np.ndarray:
     return np.concatenate([model.cam_pos[i], model.cam_quat[i], model.cam_intrinsic[i]])
 
 
 def _need_rows(renderer: Renderer, placed: Sequence[EffectInstance]) -> None:
+    """Raise UserError if an effect acts on a camera that has no row in the model."""
     names = [renderer.model.camera(i).name for i in range(renderer.model.ncam)]
     for at in placed:
         if at.where != ALL and at.where not in names:

@@ -29,12 +29,13 @@ def part_mesh(scene: Any, part: str, site: str) -> tuple[np.ndarray, np.ndarray]
     frame, vertices, faces, count = data.site(site), list[np.ndarray](), list[np.ndarray](), 0
     for name in scene.parts[part]:
         geom = data.geom(name)
-        made = solid(model, geom.id, SECTIONS)
-        if made is None:
+        surface = solid(model, geom.id, SECTIONS)
+        if surface is None:
             raise ValueError(f"{name}: a geom of type {int(model.geom_type[geom.id])} cannot be made a mesh")
-        points, place = np.unique(made[0], axis=0, return_inverse=True)  # meshes repeat vertices at their edges
+        corners, triangles = surface
+        points, index = np.unique(corners, axis=0, return_inverse=True)  # meshes repeat vertices at their edges
         world = points @ geom.xmat.reshape(3, 3).T + geom.xpos
         vertices.append((world - frame.xpos) @ frame.xmat.reshape(3, 3))
-        faces.append(place.reshape(-1)[made[1]] + count)
+        faces.append(index.reshape(-1)[triangles] + count)
         count += len(world)
     return np.concatenate(vertices), np.concatenate(faces)

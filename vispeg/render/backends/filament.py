@@ -46,8 +46,8 @@ def _quiet() -> Iterator[None]:
             os.dup2(nowhere, stream)
         yield
     finally:
-        for stream, at in zip((1, 2), kept, strict=True):
-            os.dup2(at, stream)
+        for stream, copy in zip((1, 2), kept, strict=True):
+            os.dup2(copy, stream)
         for descriptor in (*kept, nowhere):
             os.close(descriptor)
 
@@ -72,8 +72,8 @@ class Filament:
         self._option.geomgroup[:] = 1
         self._option.geomgroup[COLLISION:] = 0
         self._option.sitegroup[:] = 0
-        self._parts: tuple[Any, Any, Any, Any] | None = None
-        self._drawn = b""
+        self._parts: tuple[Any, Any, Any, Any] | None = None  # scene, lights, renderables, resources
+        self._built_from = b""  # the model fields from which they were made
         self.remembers = False
 
     @_quiet()
@@ -105,7 +105,7 @@ class Filament:
         fields = (m.mat_rgba, m.mat_texid, m.mat_texrepeat, m.mat_roughness, m.mat_metallic, m.mat_specular)
         fields += (m.mat_shininess, m.geom_rgba, m.geom_matid, m.geom_size, m.light_castshadow, m.light_active)
         state = b"".join(array.tobytes() for array in fields)
-        if self._parts is not None and state == self._drawn:
+        if self._parts is not None and state == self._built_from:
             return self._parts[:3]
         mjrf, self._parts = self._mjrf, None
         scene = self._context.create_scene(mjrf.SceneParams())
@@ -113,7 +113,7 @@ class Filament:
         resources = mjrf.ModelResources(self._context, m)
         things = mjrf.ModelRenderables(scene, resources)
         things.set_options(self._option)
-        self._parts, self._drawn = (scene, mjrf.ModelLights(scene, resources), things, resources), state
+        self._parts, self._built_from = (scene, mjrf.ModelLights(scene, resources), things, resources), state
         return self._parts[:3]
 
     def _draw_view(self, scene: Any, data: mujoco.MjData, view: View, ids: bool) -> Picture:

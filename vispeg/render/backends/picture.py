@@ -70,7 +70,7 @@ def colours(model: mujoco.MjModel) -> np.ndarray:
 
 def alphas(model: mujoco.MjModel) -> np.ndarray:
     """Return the alphas (ngeom,) of `colours`, faster."""
-    if (model.mat_rgba[:, 3] == DEFAULT_RGBA[3]).all():  # a geom that takes its material's has the same of its own
+    if (model.mat_rgba[:, 3] == DEFAULT_RGBA[3]).all():  # then a geom's own alpha equals its material's
         return model.geom_rgba[:, 3]
     return colours(model)[:, 3]
 

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 PREFIXES = ("geom_", "mat_", "light_", "cam_", "tex_data", "body_pos", "body_quat")
-BELOW = tuple(f"vis.headlight.{x}" for x in ("ambient", "diffuse", "specular"))
+BELOW = tuple(f"vis.headlight.{x}" for x in ("ambient", "diffuse", "specular"))  # below the top level
 
 
 def place(model: mujoco.MjModel, name: str) -> np.ndarray:

@@ -88,8 +88,8 @@ class Board:
     @property
     def grid(self) -> tuple[int, int]:
         """Numbers of corners in a row and in a column: inner ones, or the outer ones of a tag."""
-        more = {"charuco": -1, "chessboard": 0, "tag": 1}[self.kind]
-        return self.columns + more, self.rows + more
+        extra = {"charuco": -1, "chessboard": 0, "tag": 1}[self.kind]
+        return self.columns + extra, self.rows + extra
 
     @property
     def points(self) -> np.ndarray:
@@ -128,6 +128,6 @@ def parse_pattern(text: str) -> tuple[int, int]:
     """Return the columns and rows in a text such as `9x6`. Raises UserError for any other text."""
     match = re.fullmatch(r"(\d{1,3})\s*[xX]\s*(\d{1,3})", text.strip())
     if match is None:
-        said = "not a pattern" if text else "is required of a board, not of a tag"
-        raise UserError(said, key="--pattern", expected="COLUMNSxROWS, as in 9x6", got=text or None)
+        what = "not a pattern" if text else "is required of a board, not of a tag"
+        raise UserError(what, key="--pattern", expected="COLUMNSxROWS, as in 9x6", got=text or None)
     return int(match[1]), int(match[2])

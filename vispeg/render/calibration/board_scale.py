@@ -20,7 +20,8 @@ from vispeg.render.calibration.hand_eye import HandEye, Mount, solve
 from vispeg.render.calibration.intervals import half_widths, leave_out
 from vispeg.render.calibration.intrinsics import Intrinsics
 
-NAME, LEAST = "board_scale", 0.01  # least error of the factor that is reported: errors of printers are smaller
+NAME = "board_scale"
+LEAST = 0.01  # least error of the factor that is reported: errors of printers are smaller
 WIDEST = (0.5, 2.0)  # errors of measuring are smaller: beyond this, poses and images do not belong together
 ROUNDS = 4  # greatest number of alternations between scale and solution
 
@@ -75,14 +76,14 @@ def board_scale(
     Args:
         views, board, camera, flange, mount: as for `solve`.
         stated: the solution with the stated size of the board.
-        lens_of: function that fits the intrinsics to some of the views. They are fitted again without each group of
+        lens_of: function that fits the intrinsics to the views it is given. They are fitted again without each group of
             views, because an error of the focal length changes the size of the board as well.
     """
 
     def shift(rows: np.ndarray) -> np.ndarray:
-        some = [views[i] for i in rows]
-        there = _scaled(some, board, lens_of(some), flange[rows], mount, larger, value)
-        return np.array([there[0] - value])
+        kept = [views[i] for i in rows]
+        factor, _ = _scaled(kept, board, lens_of(kept), flange[rows], mount, larger, value)
+        return np.array([factor - value])
 
     try:
         value, larger = _scaled(views, board, camera, flange, mount, stated)

@@ -118,22 +118,22 @@ def calibrate(
         hand_eye = solve(views, board, camera, flange, mount)
         _refuse_other_mount(hand_eye, views, board, camera, flange, mount)
 
-    def lens_of(some: Sequence[View]) -> Intrinsics:
-        return camera if fit is None else estimate(some, board, distortion, start=camera).intrinsics
+    def lens_of(kept: Sequence[View]) -> Intrinsics:
+        return camera if fit is None else estimate(kept, board, distortion, start=camera).intrinsics
 
-    inner, outer = _half_widths(views, board, camera, lens_of, fit, flange, mount, hand_eye)
-    if inner is not None and (inner[:2] / camera.focal).max() > LOOSE:
-        raise undetermined(f"fx {camera.focal[0]:.4g} +- {inner[0]:.2g} px")
+    lens_half, pose_half = _half_widths(views, board, camera, lens_of, fit, flange, mount, hand_eye)
+    if lens_half is not None and (lens_half[:2] / camera.focal).max() > LOOSE:
+        raise undetermined(f"fx {camera.focal[0]:.4g} +- {lens_half[0]:.2g} px")
     scale = None
     if hand_eye is not None and flange is not None:
         scale = board_scale(views, board, camera, flange, mount, hand_eye, lens_of)
     return Calibration(
         camera,
         fit,
-        inner,
+        lens_half,
         mount if hand_eye is not None else None,
         hand_eye,
-        outer,
+        pose_half,
         tuple(views),
         np.array([view_error(view, board, camera, pose) for view, pose in zip(views, board_poses, strict=True)]),
         scale,
@@ -153,13 +153,13 @@ def _half_widths(
     """Return half widths of the intrinsics (9,) and of the camera's pose (6,); None for either if not estimated."""
 
     def shift(retained: np.ndarray) -> np.ndarray:
-        some, out = [views[i] for i in retained], []
+        kept, out = [views[i] for i in retained], []
         try:
-            lens = lens_of(some)
+            lens = lens_of(kept)
             if fit is not None:
                 out.append(lens.values - camera.values)
             if hand_eye is not None and flange is not None:
-                near = solve(some, board, lens, flange[retained], mount, start=hand_eye)
+                near = solve(kept, board, lens, flange[retained], mount, start=hand_eye)
                 out.append(difference(near.camera, hand_eye.camera))
         except UserError as error:
             without = ", ".join(view.name for i, view in enumerate(views) if i not in retained)
@@ -169,9 +169,9 @@ def _half_widths(
     if fit is None and hand_eye is None:
         return None, None
     half = half_widths(leave_out(len(views), shift))
-    inner = None if fit is None else np.maximum(half[: len(NAMES)], 1.96 * fit.std)
-    outer = None if hand_eye is None else np.maximum(half[-6:], 1.96 * hand_eye.std)
-    return inner, outer
+    lens_half = None if fit is None else np.maximum(half[: len(NAMES)], 1.96 * fit.std)
+    pose_half = None if hand_eye is None else np.maximum(half[-6:], 1.96 * hand_eye.std)
+    return lens_half, pose_half
 
 
 def _refuse_other_mount(
@@ -182,18 +182,18 @@ def _refuse_other_mount(
     Both mistakes give the same equations: inverted poses with a camera on the flange look like a camera on the base.
     One trial with the other mount therefore detects both.
     """
-    off = float(np.median(hand_eye.pixels))
-    if off < SUSPICIOUS:
+    error = float(np.median(hand_eye.pixels))
+    if error < SUSPICIOUS:
         return
     try:
         other = float(np.median(solve(views, board, camera, flange, "base" if mount == "flange" else "flange").pixels))
     except UserError:
         return
-    if other < off / 5:
+    if other < error / 5:
         raise UserError(
             "the poses fit the other way round: --mount is wrong, or they are the base's in the flange's frame",
             expected="base_T_flange",
-            got=f"{off:.3g} px off, {other:.3g} px the other way",
+            got=f"{error:.3g} px off, {other:.3g} px the other way",
         )
 
 
@@ -223,7 +223,6 @@ def turn_views(
     both = np.stack([board_poses, board_poses @ half])  # (2, n, 4, 4)
     best: tuple[float, np.ndarray] | None = None
     for anchor in range(count):
-        turned = np.zeros(count, int)
         between = inverse(both[:, :, None]) @ both[0, anchor]  # (2, n, 1, 4, 4)
         wrong = np.abs(np.stack([angles(b[:, 0, :3, :3]) for b in between]) - robot[anchor])
         turned = wrong.argmin(axis=0)

@@ -75,16 +75,16 @@ class Chain:
             x, z: X and Z, shape (4, 4).
             trust: weight of each view, 0 to 1, shape (n,).
         """
-        now = self.differences(x, z)
+        found = self.differences(x, z)
         moved = shifted(self.board_poses, STEPS[:, None])  # (12, n, 4, 4)
         forth, back = np.split(self.differences(x, z, moved), 2)
         jacobian = np.moveaxis(forth - back, 0, -1) / (2 * STEP)  # (n, 6, 6)
-        camera = jacobian @ self.noise @ np.swapaxes(jacobian, 1, 2)
-        share = 1 - 2 / len(now)  # X and Z have twelve parameters, as many as two views give equations
-        variance = np.average(now**2, axis=0, weights=trust) / share
-        excess = variance - np.average(np.diagonal(camera, axis1=1, axis2=2), axis=0, weights=trust)
+        camera_noise = jacobian @ self.noise @ np.swapaxes(jacobian, 1, 2)
+        freedom = 1 - 2 / len(found)  # X and Z have twelve parameters, as many as two views give equations
+        variance = np.average(found**2, axis=0, weights=trust) / freedom
+        excess = variance - np.average(np.diagonal(camera_noise, axis1=1, axis2=2), axis=0, weights=trust)
         self.robot = np.maximum(np.sqrt(np.maximum(excess.reshape(2, 3).mean(axis=1), 0)), FLOOR)
-        total = camera + np.diag(np.repeat(self.robot**2, 3))
+        total = camera_noise + np.diag(np.repeat(self.robot**2, 3))
         self.whiten = np.linalg.inv(np.linalg.cholesky(total))
         self.trust = trust
 
@@ -115,9 +115,8 @@ class Chain:
         forth, back = self.differences(x, z, larger), self.differences(x, z, smaller)
         column = np.sqrt(self.trust)[:, None] * np.einsum("nij,nj->ni", self.whiten, (forth - back) / (2 * STEP))
         basis = np.linalg.qr(self.slopes(x, z))[0]
-        independent = column.ravel() - basis @ (
-            basis.T @ column.ravel()
-        )  # the part that no change of X and Z can imitate
+        # the part that no change of X and Z can imitate
+        independent = column.ravel() - basis @ (basis.T @ column.ravel())
         square = float(independent @ independent)
         return 1 - float(independent @ self.weighted(x, z).ravel()) / square, square**-0.5
 

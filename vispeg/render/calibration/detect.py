@@ -15,8 +15,7 @@ from vispeg.render.calibration.board import Board
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
 LARGEST = 200 * MB  # greatest size of an image file
 MIN_CORNERS = 6  # of a partly visible ChArUco board: four fix a pose, two more check it
-
-USUAL = (
+USUAL = (  # dictionaries that are tried if the stated one shows no tag, for a hint
     "DICT_APRILTAG_36h11",
     "DICT_APRILTAG_25h9",
     "DICT_APRILTAG_16h5",
@@ -90,10 +89,10 @@ def detect(images: str | Path | Sequence[Path], board: Board) -> tuple[list[View
     size: tuple[int, int] | None = None
     for path in files:
         image = read_grey(path)
-        now = (image.shape[1], image.shape[0])
-        if size is not None and now != size:
-            raise UserError("another size than the images before it", file=path, expected=_by(size), got=_by(now))
-        size = now
+        this_size = (image.shape[1], image.shape[0])
+        if size is not None and this_size != size:
+            raise UserError("another size than the images before it", file=path, expected=_by(size), got=_by(this_size))
+        size = this_size
         view = find(image, board, path.name)
         if view is None:
             missed[path.name] = "board not found"
@@ -102,12 +101,12 @@ def detect(images: str | Path | Sequence[Path], board: Board) -> tuple[list[View
         else:
             views.append(view)
     if not views:
-        many = "the image" if len(files) == 1 else f"any of {len(files)} images"
+        where = "the image" if len(files) == 1 else f"any of {len(files)} images"
         # the search for a missing chessboard takes a second per image
         tried = files[:1] if board.kind == "chessboard" else files
         hint = next(filter(None, (_other_pattern(read_grey(path), board) for path in tried)), "")
         what = f"{board.pattern} {board.kind}" if board.kind != "tag" else f"tag of {board.dictionary}"
-        raise UserError(f"no {what} found in {many}{hint}", file=files[0].parent)
+        raise UserError(f"no {what} found in {where}{hint}", file=files[0].parent)
     return views, missed
 
 
@@ -208,14 +207,14 @@ def _tags(image: np.ndarray, board: Board) -> dict[int, np.ndarray]:
 def _tag(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray] | None:
     found = _tags(image, board)
     number = next(iter(found), None) if board.tag is None else board.tag
-    return (np.arange(4), found[number][[0, 1, 3, 2]]) if number in found else None
+    return (np.arange(4), found[number][[0, 1, 3, 2]]) if number in found else None  # row after row
 
 
 def _other_pattern(image: np.ndarray, board: Board) -> str:
     """Return a hint if the image shows a board that fits another common description; else an empty string."""
     if board.kind == "tag":
-        there = {name: _tags(image, replace(board, dictionary=name, tag=None)) for name in USUAL}
-        found = [f"{', '.join(map(str, tags))} of {name}" for name, tags in there.items() if tags]
+        seen = {name: _tags(image, replace(board, dictionary=name, tag=None)) for name in USUAL}
+        found = [f"{', '.join(map(str, tags))} of {name}" for name, tags in seen.items() if tags]
         return f" (there are {'; '.join(found)})" if found else ""
     if board.kind == "charuco":
         other = replace(board, legacy=not board.legacy)
@@ -223,14 +222,15 @@ def _other_pattern(image: np.ndarray, board: Board) -> str:
             return f" (it is there {'with' if other.legacy else 'without'} --legacy)"
         mirrored = any(_charuco(np.ascontiguousarray(image[:, ::-1]), b) is not None for b in (board, other))
         return " (it is there mirrored: flip the pictures back)" if mirrored else ""
-    for more in (-1, 1):
-        columns, rows = board.columns + more, board.rows + more
+    for extra in (-1, 1):
+        columns, rows = board.columns + extra, board.rows + extra
         if min(columns, rows) >= 3 and _chessboard(image, replace(board, columns=columns, rows=rows)) is not None:
             return f" (a pattern of {columns}x{rows} inner corners is there: count corners, not squares)"
     return ""
 
 
 def _pieces(name: str) -> Sequence[str]:
+    """Split a name into text and numbers."""
     import re
 
     return re.split(r"(\d+)", name)

@@ -42,20 +42,22 @@ def place(tags: np.ndarray, flange: np.ndarray, mount: Mount) -> Placed:
     """
     if len(tags) < MIN_POSES:
         raise UserError("too few poses", expected=f"{MIN_POSES} or more", got=len(tags))
-    nothing = np.zeros((len(tags), 6, 6))
-    found = solve_poses(tags, nothing, flange, mount)
+    no_noise = np.zeros((len(tags), 6, 6))
+    found = solve_poses(tags, no_noise, flange, mount)
     other: Mount = "base" if mount == "flange" else "flange"
     try:
-        turned = solve_poses(tags, nothing, flange, other)
+        swapped = solve_poses(tags, no_noise, flange, other)
     except UserError:
-        turned = None
-    if turned is not None and OTHER_WAY * turned.robot[0] < found.robot[0]:
-        said = "the poses fit the other way round: --mount is wrong, or they are the base's in the flange's frame"
-        got = f"{1e3 * found.robot[0]:.3g} mm off, {1e3 * turned.robot[0]:.3g} mm the other way"
-        raise UserError(said, expected="base_T_flange and camera_T_tag", got=got)
+        swapped = None
+    if swapped is not None and OTHER_WAY * swapped.robot[0] < found.robot[0]:
+        what = "the poses fit the other way round: --mount is wrong, or they are the base's in the flange's frame"
+        got = f"{1e3 * found.robot[0]:.3g} mm off, {1e3 * swapped.robot[0]:.3g} mm the other way"
+        raise UserError(what, expected="base_T_flange and camera_T_tag", got=got)
 
     def shift(rows: np.ndarray) -> np.ndarray:
-        return difference(solve_poses(tags[rows], nothing[rows], flange[rows], mount, start=found).camera, found.camera)
+        return difference(
+            solve_poses(tags[rows], no_noise[rows], flange[rows], mount, start=found).camera, found.camera
+        )
 
     half = np.maximum(half_widths(leave_out(len(tags), shift)), 1.96 * found.std)
     return Placed(found, half)

@@ -198,8 +198,8 @@ def _refuse_mirrored(outer: np.ndarray, board_poses: np.ndarray, methods: dict[s
     mirror = np.diag([-1.0, 1.0, 1.0, 1.0])
     other = mirror @ board_poses @ mirror
     ratio = scatter(board_poses, methods) / max(scatter(other, closed_forms(outer, other)), 1e-18)
-    free = 3.0 * len(outer) - 6.0  # the translations of X and Z take three each
-    if ratio > 4.0 and stats.f.sf(ratio, free, free) < 1e-3:
+    freedom = 3.0 * len(outer) - 6.0  # the translations of X and Z take three each
+    if ratio > 4.0 and stats.f.sf(ratio, freedom, freedom) < 1e-3:
         raise UserError(
             "the pictures are mirrored: the board moves as its mirror image would",
             expected="pictures as the camera sees, not flipped left to right",

@@ -110,7 +110,8 @@ def estimate(
         )
     except cv2.error as error:
         raise undetermined() from error
-    values, std = np.concatenate([matrix[[0, 1, 0, 1], [0, 1, 2, 2]], np.ravel(lens)[:5]]), np.ravel(std)[:9]
+    values = np.concatenate([matrix[[0, 1, 0, 1], [0, 1, 2, 2]], np.ravel(lens)[:5]])  # in the order of NAMES
+    std = np.ravel(std)[:9]
     if not np.isfinite(values).all() or not np.isfinite(std).all() or values[:2].min() <= 0:
         raise undetermined()
     fx, fy, cx, cy, k1, k2, p1, p2, k3 = values.tolist()
@@ -144,6 +145,7 @@ def rms(pixels: np.ndarray) -> float:
 
 
 def _fixed(distortion: Distortion) -> int:
+    """Return OpenCV's flags that hold the terms which are not free."""
     import cv2
 
     if distortion not in FREE:

@@ -55,11 +55,13 @@ def read_poses(path: str | Path, names: Sequence[str]) -> np.ndarray:
     return np.stack([table[name] for name in names])
 
 
+# one reader for both formats; it needs the names of the images, here those of the examples
 for _name, _example in (("poses (CSV)", _table_example), ("poses (ViSP)", _visp_example)):
     enrol(_name, _example)(lambda path: read_poses(path, ["1.png", "2.png"]))
 
 
 def _table(path: Path) -> dict[str, np.ndarray]:
+    """Return base_T_flange (4, 4) by image name from a CSV file."""
     try:
         reader = csv.DictReader(io.StringIO(read_text(path), newline=""), skipinitialspace=True)
         rows = [(reader.line_num, row) for row in reader]  # blank lines are no rows
@@ -82,6 +84,7 @@ def _table(path: Path) -> dict[str, np.ndarray]:
 
 
 def _visp(folder: Path, name: str) -> np.ndarray:
+    """Return base_T_flange (4, 4) of the image `name` from a folder of ViSP's files."""
     number = _number(name)
     files = [p for p in sorted(folder.iterdir()) if p.suffix.lower() in (".yaml", ".yml") and _number(p.name) == number]
     if number is None or len(files) != 1:
@@ -115,5 +118,6 @@ def _check_metres(pose: np.ndarray, path: Path, where: str) -> np.ndarray:
 
 
 def _number(name: str) -> int | None:
+    """Return the last number in a file's name; None if there is none."""
     numbers = re.findall(r"\d+", Path(name).stem)
     return int(numbers[-1]) if numbers else None

@@ -25,8 +25,8 @@ from vispeg.render.cameras.camera import FIELDS, Camera
 FORMAT = "vispeg-camera/1"
 CAMERAS = Format(FORMAT, "a camera file")
 Style = Literal["vispeg", "opencv", "ros"]
-REQUIRED = FIELDS[:7]
-POSE = FIELDS[-3:]
+REQUIRED = FIELDS[:7]  # name, size and pinhole
+POSE = FIELDS[-3:]  # parent, pos, quat
 
 
 def _example(style: Style) -> Callable[[Path], Path]:
@@ -61,10 +61,8 @@ def load_cameras(
         camera = read if name is None else read.moved(name=name)
         if not posed and places is not None:
             if camera.name not in places:
-                what, expected = (
-                    f"does not state where the camera '{camera.name}' is",
-                    "parent, pos and quat, or a name",
-                )
+                what = f"does not state where the camera '{camera.name}' is"
+                expected = "parent, pos and quat, or a name"
                 raise UserError(what, file=path, expected=expected, got=camera.name, choices=places)
             camera = camera.moved(**{key: getattr(places[camera.name], key) for key in POSE})
         out.append(camera)
@@ -82,8 +80,8 @@ def load_posed(path: str | Path) -> tuple[tuple[Camera, bool], ...]:
         raise UserError("is not a camera file", file=path, expected=f"'format: {FORMAT}', OpenCV's or ROS's YAML")
     if opencv or "camera_matrix" in record:
         return ((_from_matrix(record, path), False),)
-    rest = CAMERAS.open(record, path)
-    many = rest["cameras"] if "cameras" in rest else [rest]
+    content = CAMERAS.open(record, path)
+    many = content["cameras"] if "cameras" in content else [content]
     if not isinstance(many, list) or not many:
         raise UserError("not a list of cameras", file=path, key="cameras", got=many)
     cameras = tuple((from_record(entry, path), any(key in entry for key in POSE)) for entry in many)

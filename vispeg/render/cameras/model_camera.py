@@ -73,10 +73,8 @@ def add(spec: mujoco.MjSpec, cameras: tuple[Camera, ...]) -> None:
     for camera in cameras:
         if camera.name not in there:
             there.add(camera.name)
-            site = None if camera.parent == WORLD else spec.site(camera.parent)
-            body = site.parent if site is not None else None if camera.parent == WORLD else spec.body(camera.parent)
             size = [PIXEL * camera.width, PIXEL * camera.height]
-            (body or spec.worldbody).add_camera(
+            _parent_body(spec, camera.parent).add_camera(
                 name=camera.name, sensor_size=size, focal_pixel=[1, 1], resolution=[camera.width, camera.height]
             )
 
@@ -88,11 +86,9 @@ def add_complete(spec: mujoco.MjSpec, cameras: Sequence[Camera]) -> None:
     """
     model = spec.copy().compile()  # poses of the parents, however the file states them
     for camera in cameras:
-        site = None if camera.parent == WORLD else spec.site(camera.parent)
-        body = site.parent if site is not None else None if camera.parent == WORLD else spec.body(camera.parent)
         _, pos, rot = _mount(model, camera.parent)
         size = np.array([camera.width, camera.height])
-        (body or spec.worldbody).add_camera(
+        _parent_body(spec, camera.parent).add_camera(
             name=camera.name,
             pos=pos + rot @ camera.pos,
             quat=quaternion(rot @ camera.rotation @ FLIP),
@@ -101,6 +97,15 @@ def add_complete(spec: mujoco.MjSpec, cameras: Sequence[Camera]) -> None:
             principal_pixel=size / 2 - 0.5 - (camera.cx, camera.cy),
             resolution=size,
         )
+
+
+def _parent_body(spec: mujoco.MjSpec, parent: str) -> mujoco.MjsBody:
+    """Return the body of a camera's parent; the world's body for WORLD, and for a parent that the spec lacks."""
+    if parent == WORLD:
+        return spec.worldbody
+    site = spec.site(parent)
+    body = site.parent if site is not None else spec.body(parent)
+    return body or spec.worldbody
 
 
 def row_of(model: mujoco.MjModel, camera: Camera) -> int | None:

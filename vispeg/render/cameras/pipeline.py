@@ -68,9 +68,8 @@ class Pipeline:
                 for name, param in stage.effect.params.items():
                     stage.p[name][row] = param.absent
                 if "time" in stage.state:
-                    stage.state["time"][row] = (
-                        np.inf
-                    )  # no later time is reached, so the effect sees time go back and resets
+                    # no later time is reached, so the effect sees time go back and resets
+                    stage.state["time"][row] = np.inf
             for placed in world.effects:
                 kind = effect(placed.effect)
                 if kind.family != "camera" or not kind.overrides("image") or placed.where not in ("all", self.camera):
@@ -78,14 +77,13 @@ class Pipeline:
                 stage = self._stages.setdefault(kind.name, self._stage(kind))
                 for name, value in placed.params.items():
                     stage.p[name][row] = value.value
-        self._stages = {name: s for name, s in self._stages.items() if self._at_work(s)}
+        self._stages = {name: s for name, s in self._stages.items() if self._acts(s)}
 
     def run(self, frame: Frame, rng: Sequence[np.random.Generator], rows: np.ndarray | None = None) -> Frame:
         """Return the images as the camera delivers them; `frame` is not modified.
 
         Args:
-            frame: rendered images, one per row. Without `truth` and `colour`, its depth and
-                rgb are taken for them.
+            frame: rendered images, one per row. Without `truth` and `colour`, its depth and rgb are taken for them.
             rng: one generator per image; each call draws one number from each of them.
             rows: (n,) bool, images to process; the others stay as rendered and leave the effects' state unchanged.
                 None for all.
@@ -117,7 +115,8 @@ class Pipeline:
         return Stage(kind, kind.absent((self.n,)), Streams(kind.name, self.n))
 
     @staticmethod
-    def _at_work(stage: Stage) -> bool:
+    def _acts(stage: Stage) -> bool:
+        """Return whether any image has the effect with a magnitude other than null."""
         return any(np.any(stage.p[k] != stage.effect.params[k].null) for k in stage.effect.magnitudes)
 
 

@@ -129,14 +129,15 @@ class CameraRig:
         return {name: images.copy() for name, images in self._delivered.items()}
 
     def _deliver(self, rows: np.ndarray) -> None:
-        some = None if rows.all() else rows
+        """Pass the last shots of `rows` (rows,) bool through the pipelines, and keep the images for `see`."""
+        subset = None if rows.all() else rows
         moments = [self._snapshots[row] for row in range(self.rows)]
         for c in self.cameras:
             shots = [self._shots[row][c.name] for row in range(self.rows)]
             frame, pipeline = self._frame(c, shots, moments), self._pipelines[c.name]
             if pipeline.stages:
                 rng = [stream(int(s), "image", c.name, m.count) for s, m in zip(self._seeds, moments, strict=True)]
-                frame = pipeline.run(frame, rng, some)
+                frame = pipeline.run(frame, rng, subset)
             for kind in self.kinds:
                 images = kind.deliver(frame)
                 if images is not None:

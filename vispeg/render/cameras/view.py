@@ -106,8 +106,8 @@ def parent_of(model: mujoco.MjModel, name: str) -> tuple[str, int]:
     """
     if name == WORLD:
         return "world", 0
-    for kind, of in (("site", mujoco.mjtObj.mjOBJ_SITE), ("body", mujoco.mjtObj.mjOBJ_BODY)):
-        if (index := mujoco.mj_name2id(model, of, name)) >= 0:
+    for kind, object_type in (("site", mujoco.mjtObj.mjOBJ_SITE), ("body", mujoco.mjtObj.mjOBJ_BODY)):
+        if (index := mujoco.mj_name2id(model, object_type, name)) >= 0:
             return kind, index
     names = (WORLD, *(model.site(i).name for i in range(model.nsite)))
     raise UserError("a camera without a parent", key="parent", expected="a site or body", got=name, choices=names)
