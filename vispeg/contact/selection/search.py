@@ -291,7 +291,7 @@ class ContactSearch(Search):
             ]
 
         question = ["contact profile", model_text(world), [list(p) for p in where], list(self.free(world))]
-        answer = self.progress.recall(question, work_out)  # a run asks twice: for detectable sizes, and for the best
+        answer = self.progress.recall(question, work_out)  # a step asks twice: for scores, and for what they promise
         return [
             Probe(EffectInstance.of(n, at, **{name: value}), name, gain if gain > NONE else -np.inf, moved)
             for n, at, name, value, gain, moved in answer
