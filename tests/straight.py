@@ -86,6 +86,7 @@ class Straight(ContactEvidence):
 
     def __init__(self, hidden: np.ndarray, slopes: Mapping[tuple[str, str], np.ndarray]):
         self.hidden, self.slopes, self.asked = hidden, slopes, 0
+        self.part = PART
         self.items = [blocks(np.zeros(len(hidden) // 6, int))]
         self.recordings, self.nthread, self.notes = [self.items[0].recording], 1, []
         self.absent: set[tuple[str, str]] = set()

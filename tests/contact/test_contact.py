@@ -173,6 +173,16 @@ def test_a_profile_ranks_the_class_first_and_names_what_nothing_excites():
     assert len(tries("fixture_compliance", "fixture")) == 15
 
 
+def test_a_short_recording_is_screened_whole():
+    """In a third of it, errors of the path explain nearly all that a compliance of the fixture does."""
+    rec, rng = recorded((FIXTURE,)), stream(5, "louder")
+    louder = np.repeat([0.25, 0.0], 3) * rng.standard_normal(rec.ft.shape)
+    evidence = evidence_of([replace(rec, ft=rec.ft + louder)])
+    (best,) = strongest(probed(evidence, World(), [("fixture_compliance", "fixture")], SURE))
+    before, after = (float(r @ r) for r in evidence.residuals([World(), World().add(best.placed)]))
+    assert best.gain == pytest.approx(before - after) and best.gain > 0.7 * before
+
+
 def test_what_sensors_leave_open_is_whitened_by_the_root_of_its_covariance():
     """`I - U diag(1 - 1/sqrt(1 + s^2)) U'` is the inverse root of `I + A A'`: whitened draws of it have variance 1."""
     rng = stream(3, "nuisance")

@@ -17,7 +17,7 @@ from vispeg.contact.hand import grasp, hand
 from vispeg.contact.inputs import ContactItem, Touching
 from vispeg.contact.items import driven, items_of, predicted
 from vispeg.contact.sensor import trusted
-from vispeg.contact.thin import driven_blocks, pieces
+from vispeg.contact.thin import driven_blocks, part, pieces
 from vispeg.contact.torques import notes
 from vispeg.core.effect import Effect
 from vispeg.core.rules import RULES
@@ -36,6 +36,9 @@ class ContactEvidence(Evidence):
     Args:
         touching: recordings, each with its cell.
         nthread: threads of the simulation.
+
+    Attributes:
+        part: number of pieces of which a screen simulates one.
     """
 
     def __init__(self, touching: Sequence[Touching], *, nthread: int = 1):
@@ -48,9 +51,13 @@ class ContactEvidence(Evidence):
             scene = hands.setdefault(id(t.scene), hand(t.scene, self.hold))
             self.items += items_of(t, scene, SECONDS / len(touching), self.hold, nthread)
         self.nuisance = nuisance(self.items)
-        self.left_out = [~driven_blocks(i.phase, pieces(i.phase)) & ~i.phase.resting for i in self.items]
-        part = [np.repeat(~out, i.measured.shape[1]) for i, out in zip(self.items, self.left_out, strict=True)]
-        self.nuisance_in_part = self.nuisance.of_rows(np.concatenate(part))
+        self.part = part([i.phase for i in self.items])
+        windows = [pieces(i.phase, self.part) for i in self.items]
+        self.left_out = [
+            ~driven_blocks(i.phase, w) & ~i.phase.resting for i, w in zip(self.items, windows, strict=True)
+        ]
+        rows = [np.repeat(~out, i.measured.shape[1]) for i, out in zip(self.items, self.left_out, strict=True)]
+        self.nuisance_in_part = self.nuisance.of_rows(np.concatenate(rows))
         self.notes: list[str] = notes([(t.recording, t.torques) for t in touching])
         self.notes += [line for rec in self.recordings for line in missing.said(rec)]
         self.absent: set[tuple[str, str]] = set()
@@ -149,10 +156,10 @@ class ContactEvidence(Evidence):
         for w in range(len(worlds)):
             yield np.concatenate([r.ravel() for r in self.whitened([y[w] for y in per_item])])
 
-    def whitened(self, predicted: Sequence[np.ndarray], part: bool = False) -> list[np.ndarray]:
+    def whitened(self, predicted: Sequence[np.ndarray], in_part: bool = False) -> list[np.ndarray]:
         """Return for each item the residual (m, 6) of a world, whitened by the covariance of nuisances."""
         parts = [self.whiten(item, y) for item, y in zip(self.items, predicted, strict=True)]
-        errors = self.nuisance_in_part if part else self.nuisance
+        errors = self.nuisance_in_part if in_part else self.nuisance
         flat = _huber(errors.whitened(np.concatenate([p.ravel() for p in parts])))
         ends = np.cumsum([p.size for p in parts])[:-1]
         return [r.reshape(p.shape) for r, p in zip(np.split(flat, ends), parts, strict=True)]
@@ -174,22 +181,22 @@ class ContactEvidence(Evidence):
         predicted = self.simulated([world])
         return np.concatenate([self.whiten(item, y[0]).ravel() for item, y in zip(self.items, predicted, strict=True)])
 
-    def _simulated(self, worlds: Sequence[World], part: bool = False) -> list[np.ndarray]:
+    def _simulated(self, worlds: Sequence[World], in_part: bool = False) -> list[np.ndarray]:
         out = [np.empty((len(worlds), *i.measured.shape)) for i in self.items]
         for rows in built_alike(worlds):
             for item, values in zip(self.items, out, strict=True):
-                windows = pieces(item.phase) if part else item.phase.windows
+                windows = pieces(item.phase, self.part) if in_part else item.phase.windows
                 for some in np.split(rows, range(ROWS, len(rows), ROWS)):
                     these = [worlds[r] for r in some]
                     values[some] = predicted(item, driven(item, these, self.nthread, windows), these)
         return out
 
     def residuals_in_part(self, worlds: Sequence[World]) -> list[np.ndarray]:
-        """Return whitened residuals for screening many worlds: of about one block in `PART`, the others 0."""
-        per_item = self._simulated(worlds, part=True)
+        """Return whitened residuals for screening many worlds: of about one block in `part`, the others 0."""
+        per_item = self._simulated(worlds, in_part=True)
         for item, values, left_out in zip(self.items, per_item, self.left_out, strict=True):
             values[:, left_out] = item.measured[left_out]
-        residuals = [self.whitened([y[w] for y in per_item], part=True) for w in range(len(worlds))]
+        residuals = [self.whitened([y[w] for y in per_item], in_part=True) for w in range(len(worlds))]
         return [np.concatenate([r.ravel() for r in parts]) for parts in residuals]
 
     def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:

@@ -14,7 +14,11 @@ from vispeg.recordings.regimes import IMPACT
 CHUNK, LEAD = 12, 3  # blocks chosen at a time; blocks until a window is independent of its start
 NEAR = 3  # blocks of free air around a contact that show when it begins
 FREE = 2.0  # s of free air that are simulated
-PART, PIECE = 3, 12  # for screening, one in PART pieces of PIECE blocks is simulated
+PART, PIECE = 3, 12  # for screening, at most one in PART pieces is left, of PIECE blocks each
+# s of compared blocks that a screen needs. Of a squared change, errors of the path leave in 1 to 2 s a tenth to a
+# fortieth of what they leave in all blocks (compliances and tilts of `tests/pressed.py`), in 6 s half (a development
+# case of `scripts/bench/hidden_contact`).
+SCREENED = 6.0
 
 
 def thinned(phase: Phases, seconds: float) -> Phases:
@@ -52,11 +56,19 @@ def without(phase: Phases, read: np.ndarray) -> Phases:
     return replace(phase, used=phase.used & ~after, resting=phase.resting & ~lost)
 
 
-def pieces(phase: Phases) -> tuple[slice, ...]:
-    """Return every `PART`-th piece of the windows, each of up to `PIECE` blocks, as ranges of the path's samples."""
+def part(phases: Sequence[Phases]) -> int:
+    """Return n, of which a screen simulates one in n pieces: at most `PART`, and about `SCREENED` seconds are left."""
+    seconds = RULES.contact_block * sum(int(phase.valid.sum()) for phase in phases)
+    return max(1, min(PART, round(seconds / SCREENED)))
+
+
+def pieces(phase: Phases, part: int) -> tuple[slice, ...]:
+    """Return every `part`-th piece of the windows, each of up to `PIECE` blocks, as ranges of the path's samples."""
+    if part == 1:
+        return phase.windows
     size = PIECE * phase.size
     every = [slice(a, min(a + size, w.stop)) for w in phase.windows for a in range(w.start, w.stop, size)]
-    return tuple(every[::PART])
+    return tuple(every[::part])
 
 
 def driven_blocks(phase: Phases, windows: Sequence[slice]) -> np.ndarray:

@@ -95,6 +95,8 @@ def probed(
             or (p >= bar and p > t.gain + RULES.size_close * abs(p))
             or _goes_on(t)
         ]
+    if screen.part == 1:
+        return rough
     hopeful = {
         s.key: s.gain for s in strongest(rough) if s.gain > -np.inf and promise[s.key] > RULES.size_promise * least
     }

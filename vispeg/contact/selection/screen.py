@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.contact.evidence import ContactEvidence
-from vispeg.contact.thin import PART
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.identify.space import Space
@@ -57,6 +56,7 @@ class Screen:
         free: indices of the world's effects that are refitted.
 
     Attributes:
+        part: see `ContactEvidence`.
         residuals: by `part`, the function from worlds to their residuals on one in `part` pieces of the recordings.
             Squares on a part are multiplied by `part`, so that they stand for all of the recordings.
         near: the world with each free parameter moved by one step.
@@ -65,7 +65,8 @@ class Screen:
     """
 
     def __init__(self, evidence: ContactEvidence, world: World, free: Sequence[int]):
-        self.world, self.residuals = world, {PART: evidence.residuals_in_part, 1: evidence.residuals}
+        self.world, self.part = world, evidence.part
+        self.residuals = {self.part: evidence.residuals_in_part, 1: evidence.residuals}
         space = Space(world, free, evidence)
         u = space.start
         self.near = [space.at(u + step) for step in np.diag(space.steps(u))] if len(u) else []
@@ -77,7 +78,7 @@ class Screen:
         With `in_part` only a part of the recordings is simulated, except for effects with memory, such as a part that
         slipped in its grip: their state depends on all that came before.
         """
-        parts = [PART if in_part and not effect(placed.effect).remembers else 1 for _, placed in tries]
+        parts = [self.part if in_part and not effect(placed.effect).remembers else 1 for _, placed in tries]
         out: dict[int, tuple[Probe, float]] = {}
         for part, residuals in self.residuals.items():
             some = [k for k, p in enumerate(parts) if p == part]
