@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pressed
 import pytest
 from loops import ARM, drive, pendulum, recorded
 
@@ -121,6 +122,37 @@ def test_every_move_of_the_command_is_a_step_of_the_page(hidden, given, rules, m
     assert made.state.world.label == command.world.label and made.state.world.values == command.world.values
     tried = [value for at, value in heard if at == "tried" and " in place of " in value.words]
     assert len(tried) == 2 * sum("exchanged" in words for words in moves) and not any(t.refused for t in tried)
+
+
+@pytest.mark.slow
+def test_contact_ends_with_the_names_of_the_command(tmp_path):
+    """Also with those that no search finds; a superfluous effect that was added by hand is taken out at the end."""
+    soft, heard = EffectInstance.of("fixture_compliance", "fixture", z=3e-5), Heard()
+    for name, options in (("press-a", (0,)), ("press-b", (1, True))):
+        rec, rng = pressed.recorded((soft,), *options), stream(5, f"louder {name}")
+        louder = np.repeat([0.25, 0.0], 3) * rng.standard_normal(rec.ft.shape)
+        write(replace(rec, ft=rec.ft + louder), tmp_path / name)
+    sides = (tmp_path / "press-a",), (tmp_path / "press-b",)
+    made = Study(heard, "peg-cell", *sides, tmp_path / "out", 1)
+    made.run()
+    command = diagnose("peg-cell", *sides, threads=1)
+    names = ["fixture_compliance(fixture)", "wrench_noise(flange)"]
+    made.save(tmp_path / "page.yaml", False)
+    page = load_model(tmp_path / "page.yaml")
+    assert [e.label for e in page.effects] == [e.label for e in command.world.effects] == names
+    for label, values in command.world.values.items():
+        assert page.values[label] == pytest.approx(values)
+    steps = ["+ Fixture compliance at fixture", "intervals", "+ Wrench noise at the flange"]
+    assert [rung.words for rung in made.rungs[1:]] == steps
+    assert not made.advance()
+    again = Study(heard, "peg-cell", *sides, tmp_path / "out", 1)
+    assert again.rungs == made.rungs and again.standing().effects == made.standing().effects
+    again.undo()
+    assert [e.key for e in again.standing().effects] == ["fixture_compliance:fixture"]
+    again.fit("contact_stiffness:peg", anyway=True)
+    assert len(again.state.world.effects) == 2
+    again.run()
+    assert {e.key for e in again.standing().effects} == {e.key for e in made.standing().effects}
 
 
 def test_recordings_change_their_roles_as_in_the_command(tmp_path):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from vispeg.contact.again import last_judge
 from vispeg.contact.again.closed_loop import closed_loop
-from vispeg.contact.again.damping import struck
+from vispeg.contact.again.damping import Struck, struck
 from vispeg.contact.errors.noise import excess_noise
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.inputs import touching
@@ -29,7 +30,6 @@ from vispeg.contact.selection import entangled, layer, weighed
 from vispeg.contact.selection.profile import BLOWS, looked_for
 from vispeg.contact.selection.repeats import repeated
 from vispeg.contact.selection.search import ContactSearch
-from vispeg.contact.selection.shows_from import least_sizes
 from vispeg.diagnosis.beginning import Beginning, opened
 from vispeg.diagnosis.compare import Comparison
 from vispeg.diagnosis.conclusion.intervals import of_form, widened
@@ -67,6 +67,27 @@ def begun(world: World) -> Beginning:
     return opened(world, {kind.name for kind in looked_for() if kind.stage != BLOWS})
 
 
+def unsearched(
+    world: World,
+    found: World,
+    evidence: ContactEvidence,
+    judged: ContactEvidence,
+    both: tuple[Sequence[Recording], Sequence[Recording]],
+    nthread: int = 1,
+) -> Struck:
+    """Return what is found without a search: noise of the wrench in excess of the stated one, damping from impacts.
+
+    Args:
+        world: the model from which the search started.
+        found: the model that it found, with which impacts are simulated.
+        evidence, judged: the fitted and the held-out wrenches.
+        both: the fitted and the held-out recordings.
+        nthread: threads of the simulation.
+    """
+    hit = struck(found, *both, nthread)
+    return replace(hit, effects=(*excess_noise(world, evidence.items, judged.items), *hit.effects))
+
+
 def diagnose_contact(
     world: World,
     fitted: Sequence[Recording],
@@ -89,21 +110,22 @@ def diagnose_contact(
     begin = begun(world)
     world, n_fixed = begin.world, begin.n_fixed
     before_held = judged.residuals([world])[0]
-    search.least = shows = least_sizes(search, world)
     state = search.run(world, n_fixed)
+    shows = search.least
     tool = weighed.tool_instead(search, state, n_fixed)
     rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
     errors = judged.errors([world, state.world])
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
     say("simulating impacts")
-    hit = struck(state.world, fitted, held_out, nthread)
-    beside = (*excess_noise(world, evidence.items, judged.items), *hit.effects)
-    fitted_world = state.world.add(*beside)
+    hit = unsearched(world, state.world, evidence, judged, (fitted, held_out), nthread)
+    fitted_world = state.world.add(*hit.effects)
     rests = [*remainder(evidence, state.world), *remainder(judged, state.world, held_out=True)]
     seen = (errors[0] / judged.floor, errors[1] / judged.floor)
     verdict = in_phases(decide(before, after, len(fitted_world.effects) - n_fixed, rivals, [], errors=seen), rests)
     wrong = of_form(evidence, state.fit, judge.mean(judge.losses([begin.bare])[0]), after)
-    corrected = widened(repeated(state.world, n_fixed), range(n_fixed, len(state.world.effects)), wrong).add(*beside)
+    corrected = widened(repeated(state.world, n_fixed), range(n_fixed, len(state.world.effects)), wrong).add(
+        *hit.effects
+    )
     models = {"given": world, "corrected": corrected} if len(corrected.effects) > n_fixed else {"given": world}
     replayed, said = closed_loop(held_out, models, nthread)
     verdict = last_judge.judged(verdict, replayed, held_out, corrected, n_fixed, nthread)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import combinations
@@ -22,6 +22,7 @@ from vispeg.contact.selection.profile import (
     strongest,
 )
 from vispeg.contact.selection.screen import Probe, Screen
+from vispeg.contact.selection.shows_from import least_sizes
 from vispeg.contact.selection.spare import remove_uncertain, remove_unneeded
 from vispeg.contact.selection.sparse import sparse
 from vispeg.core.effect import EffectInstance, effect
@@ -44,8 +45,7 @@ class ContactSearch(Search):
     """A search whose candidates are effects of contact, tool and wrench sensor."""
 
     evidence: ContactEvidence
-    runs = False  # False while the viewer adds effects one by one: then intervals are computed after each
-    least: Mapping[tuple[str, str], Mapping[str, float]] = {}  # (effect, place) -> parameter -> detectable size
+    given: World = World()  # the model from which the search started
     n_fixed: int | None = None  # number of given effects of a world; None (all) until a search starts
 
     @property
@@ -57,6 +57,11 @@ class ContactSearch(Search):
     def lately(self) -> dict[str, Fit]:
         """Latest fits of `reduced` with the present effects, by label."""
         return {}
+
+    @property
+    def least(self) -> Mapping[tuple[str, str], Mapping[str, float]]:
+        """(effect, place) -> parameter -> minimum detectable size beside the given model; simulated once."""
+        return least_sizes(self, self.given)
 
     def missing(self, world: World) -> list[MissingTorque]:
         """Return nothing: joint torques are not used."""
@@ -106,26 +111,31 @@ class ContactSearch(Search):
 
         Parameters that these effects were not fitted with before stay at null.
         """
-        self.n_fixed = len(world.effects) if n_fixed is None else n_fixed
+        self.given, self.n_fixed = world, len(world.effects) if n_fixed is None else n_fixed
         for e in world.effects[self.n_fixed :]:
             kind = effect(e.effect)
             self.evidence.absent |= {(kind.name, k) for k, v in e.params.items() if v.value == kind.params[k].null}
-        state = super().start(world, n_fixed)
-        if not self.runs:
-            self.bound(state, self.n_fixed)
-        return state
+        return super().start(world, n_fixed)
 
-    def run(self, world: World, n_fixed: int | None = None) -> State:
-        """Search as for joints; intervals are costly here, so they are computed once, for the final effects."""
-        n_fixed, self.runs = len(world.effects) if n_fixed is None else n_fixed, True
-        state = super().run(world, n_fixed)
+    def ways(self, state: State, n_fixed: int) -> Sequence[Callable[[State, int], bool]]:
+        """Return the moves as for joints, and the conclusion as the last one."""
+        return () if state.concluded else (*super().ways(state, n_fixed), self._conclude)
+
+    def _conclude(self, state: State, n_fixed: int) -> bool:
+        """Remove effects that the others make superfluous or that may be absent; return whether any was fitted.
+
+        Intervals are costly here, so they are computed once, for the final effects.
+        """
+        if state.fit is None:
+            return False
         while remove_unneeded(self, state, n_fixed):
             pass
         refitted(self, state, n_fixed)
         self.bound(state, n_fixed)
         while remove_uncertain(self, state, n_fixed):
             self.bound(state, n_fixed)
-        return state
+        state.concluded = True
+        return True
 
     def bound(self, state: State, n_fixed: int) -> None:
         """Compute intervals by profiling the squared residual; refit if a lower minimum is found on the way."""
@@ -222,9 +232,7 @@ class ContactSearch(Search):
             (fit,) = self.fits([fit.world], n_fixed)
         fit = sparse(self.evidence, fit, n_fixed, lambda w: self.fits([w], n_fixed)[0])
         state.take(fit, self.judge.losses([fit.world])[0])
-        state.cross = self.cross.loss_of(fit, fit.residual)
-        if not self.runs:
-            self.bound(state, n_fixed)
+        state.cross, state.concluded = self.cross.loss_of(fit, fit.residual), False
 
     def remove(self, state: State, fit: Fit, loss: np.ndarray) -> None:
         """Set the state to a fit with one effect fewer, and clear the fits cached with that effect."""

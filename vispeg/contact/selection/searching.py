@@ -16,13 +16,12 @@ from vispeg.worlds.world import World
 
 
 class ContactSearching(Searching, Protocol):
-    """A search over recordings of contact, with its judge.
+    """A search over recordings of contact, with its judge."""
 
-    Attributes:
-        least: (effect, place) -> parameter -> minimum detectable size.
-    """
-
-    least: Mapping[tuple[str, str], Mapping[str, float]]
+    @property
+    def least(self) -> Mapping[tuple[str, str], Mapping[str, float]]:
+        """(effect, place) -> parameter -> minimum detectable size beside the given model."""
+        ...
 
     @property
     def evidence(self) -> ContactEvidence:

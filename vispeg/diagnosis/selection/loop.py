@@ -45,6 +45,9 @@ class Loop(ABC):
         A search may refine the added effect and remove superfluous ones.
         """
 
+    def bound(self, state: State, n_fixed: int) -> None:
+        """Compute intervals of the fitted effects; by default not at all, as fits give them."""
+
     def announce(self, state: State) -> None:
         """Report the state of the search before a step."""
 

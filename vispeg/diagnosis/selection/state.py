@@ -39,6 +39,7 @@ class State:
             nothing is added.
         rivals: of the accepted effects, when a replacement was last tried.
         replaced: number of effects that a better rival has replaced since the start.
+        concluded: whether the search made its last revision (`ContactSearch`), so that no move follows.
     """
 
     world: World
@@ -56,6 +57,7 @@ class State:
     drowned: bool = False
     rivals: Sequence[Rivals] = ()
     replaced: int = 0
+    concluded: bool = False
 
     def take(self, fit: Fit, loss: np.ndarray) -> None:
         """Update the state to a fit with its held-out loss."""

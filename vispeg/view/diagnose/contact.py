@@ -7,8 +7,9 @@ import numpy as np
 from vispeg.api.inputs import Inputs
 from vispeg.contact.phases import NAMES
 from vispeg.contact.record import COLUMNS
-from vispeg.contact.run import begun, evidence_of
+from vispeg.contact.run import begun, evidence_of, unsearched
 from vispeg.contact.selection.search import ContactSearch
+from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.beginning import Beginning
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.judge import Judge
@@ -27,6 +28,7 @@ class Contact(Subject):
     shows = "Force and torque at the wrist that the model misses"
 
     def __init__(self, inputs: Inputs, threads: int, say: Say, progress: Progress | None):
+        self.both, self.threads = (inputs.fitted, inputs.held_out), threads
         self.judged, self.search = evidence_of(inputs.fitted if progress is None else inputs.held_out, threads), None
         if progress is not None:
             self.search = ContactSearch(evidence_of(inputs.fitted, threads), Judge(self.judged), say, progress)
@@ -44,6 +46,11 @@ class Contact(Subject):
     def begin(self, world: World) -> Beginning:
         """Return the model with its partial effects freed, so that the search fits them again."""
         return begun(world)
+
+    def unsearched(self, first: World, now: World) -> tuple[EffectInstance, ...]:
+        """Return the excess noise of the wrench, and the damping that impacts show."""
+        assert isinstance(self.search, ContactSearch)
+        return unsearched(first, now, self.search.evidence, self.judged, self.both, self.threads).effects
 
     def error(self, world: World) -> float:
         """Return the RMS error of the force on the judged recordings, N."""

@@ -21,6 +21,7 @@ from vispeg.channels.channel import CHANNELS, How
 from vispeg.channels.conduct import part_of
 from vispeg.channels.pictures import compared_pictures
 from vispeg.channels.resolve import resolve
+from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.diagnosis.beginning import ANEW
@@ -100,8 +101,9 @@ class Study:
         self.search = self.subject.search
         begin = self.subject.begin(self.world)
         self.world, self.n_given, self.n_fixed = begin.world, begin.n_given, begin.n_fixed
-        self.state, self.before = None, list[tuple[State, list[Rung]]]()
-        # `before` holds the state and the ladder before each step, for `undo`
+        self.state, self.before = None, list[tuple[State, list[Rung], tuple[EffectInstance, ...]]]()
+        # `before` holds the state, the ladder and `unsearched` before each step, for `undo`
+        self.unsearched: tuple[EffectInstance, ...] = ()  # effects found without a search
         self.rungs = [Rung("the initial model", self.subject.error(self.world))]
         self.scores: dict[str, Score] = {}
         tell("model", (self.subject.model, self.subject.cell))
@@ -151,6 +153,7 @@ class Study:
             return
         self._remember()
         search.take(state, trial, [trial], self.n_fixed)
+        search.bound(state, self.n_fixed)
         self._rung(f"+ {words(score)}")
         self._did("fit", spelt(score))
         self.show()
@@ -159,16 +162,19 @@ class Study:
         """Let the search make one move by itself, as the command does; return False once it has ended."""
         search, state = self._searching()
         self._remember()
-        was, before = self.before[-1][0], self.subject.error(state.world)
+        was, had, before = self.before[-1][0], self._present(), self.subject.error(state.world)
         moved = search.move(state, self.n_fixed)
+        if not moved:
+            self.unsearched = self.subject.unsearched(self.world, state.world)
+            moved = self._present() != had
         trials = [] if state.last is was.last else state.last
         new = [step for step in state.steps if not any(step is old for old in was.steps)]
         for trial in (*trials, *(t for _, tried in new for t in tried)):
             self.tell("tried", self._tried(trial, before))
-        if state.world == was.world:
+        if self._present() == had:
             self.before.pop()
         else:
-            self._rung(changed(was.world, state.world))
+            self._rung(changed(had, self._present()))
             self._did("advance")
             self.show()
         if not moved:
@@ -202,7 +208,7 @@ class Study:
         """Undo the last step. Raises UserError: there is none."""
         if not self.before:
             raise UserError("there is nothing to take back")
-        self.state, self.rungs = self.before.pop()
+        self.state, self.rungs, self.unsearched = self.before.pop()
         self.done.pop()
         self._write()
         self.scores = {}
@@ -216,11 +222,15 @@ class Study:
 
     def save(self, file: Path, overwrite: bool) -> str:
         """Write the model with the added effects; return the file's path."""
-        world = self.world if self.state is None else self.state.world
+        world = self._present()
         # effects that were partial in the given model stay so, because the remainder was not judged here
         partial = {e.label for e in self.world.effects if e.partial}
         effects = tuple(replace(e, partial=e.label in partial) for e in world.effects)
         return str(write_model(file, self._whole(replace(world, effects=effects)), overwrite))
+
+    def _present(self) -> World:
+        """Return the present model of this channel."""
+        return self.world if self.state is None else self.state.world.add(*self.unsearched)
 
     def _whole(self, world: World) -> World:
         """Return this channel's world, completed with the cell and effects of the given model that it left out."""
@@ -238,7 +248,7 @@ class Study:
             unit=subject.unit,
             floor=subject.floor,
             ladder=tuple(self.rungs),
-            effects=tuple(named(e) for e in world.effects[self.n_given :]),
+            effects=tuple(named(e) for e in self._present().effects[self.n_given :]),
             initial=tuple(named(e) for e in world.effects[: self.n_given]),
             tracks=subject.tracks(self.world, world),
             maps=subject.maps(self.world, world),
@@ -266,10 +276,10 @@ class Study:
         return Tried(words(trial.score), size, before, self.subject.error(trial.fit.world), trial.rejected)
 
     def _remember(self) -> None:
-        """Keep a copy of the state and the ladder, for `undo`."""
+        """Keep a copy of the state, the ladder and the effects found without a search, for `undo`."""
         state = self._searching()[1]
         kept = replace(state, steps=[*state.steps], tried_removals={*state.tried_removals})
-        self.before.append((kept, [*self.rungs]))
+        self.before.append((kept, [*self.rungs], self.unsearched))
 
     def _rung(self, words: str) -> None:
         """Add the present state to the ladder."""

@@ -58,6 +58,10 @@ class Steps(Protocol):
         """Add the effects of a trial to the state."""
         ...
 
+    def bound(self, state: State, n_fixed: int) -> None:
+        """Compute the intervals that a search computes only at its end."""
+        ...
+
 
 class Subject(ABC):
     """The comparison of a model with recordings in one channel.
@@ -88,6 +92,10 @@ class Subject(ABC):
     def begin(self, world: World) -> Beginning:
         """Return the model before its search: here, with all its effects fixed."""
         return Beginning(world, len(world.effects))
+
+    def unsearched(self, first: World, now: World) -> tuple[EffectInstance, ...]:
+        """Return the effects that the command finds without a search, once the search led from `first` to `now`."""
+        return ()
 
     @property
     def model(self) -> mujoco.MjModel:

@@ -47,14 +47,14 @@ def words(score: Score) -> str:
 
 
 def changed(before: World, after: World) -> str:
-    """Return in words which effects a model gained and lost: `+ A`, `− B`, or `exchanged B for A`."""
+    """Return in words what changed in a model: `+ A`, `− B`, `exchanged B for A`, its values or their intervals."""
     has, had = ({e.label for e in world.effects} for world in (after, before))
     gone = [e for e in before.effects if e.label not in has]
     new = [e for e in after.effects if e.label not in had]
     if gone and new:
         return f"exchanged {_listed(gone)} for {_listed(new)}"
     signed = [f"+ {_listed([e])}" for e in new] + [f"− {_listed([e])}" for e in gone]
-    return "; ".join(signed) or "refitted"
+    return "; ".join(signed) or ("intervals" if before.values == after.values else "refitted")
 
 
 def _listed(effects: Sequence[EffectInstance]) -> str:
