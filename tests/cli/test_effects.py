@@ -11,8 +11,10 @@ import pytest
 
 from vispeg.api.library.effect_picture import draw_effect
 from vispeg.cli.main import BLAS_THREADS, main
-from vispeg.core.effect import REGISTRY
+from vispeg.core.effect import REGISTRY, effect
 from vispeg.identify.signature import signature
+from vispeg.report.drawings.look import SIZE, looks
+from vispeg.robots.scene import build
 
 
 def test_every_effect_is_listed_with_its_parameters(vispeg):
@@ -61,9 +63,11 @@ def test_each_place_has_its_own_picture(vispeg, tmp_path):
 def test_a_picture_shows_what_a_camera_s_effect_changes(tmp_path, name, where):
     """Also depth by matching, what needs motion, and a camera that is not among the usual two."""
     drawn = draw_effect(name, tmp_path, where=where)
-    assert drawn.path is not None
-    without, seen = np.split(cv2.imread(str(drawn.path)), 2)
-    assert (np.abs(without.astype(int) - seen) > 8).mean() > 1e-3
+    assert drawn.path is not None and cv2.imread(str(drawn.path)).shape[1] > 4 * SIZE
+    placed, *both = looks(effect(name), where, build())
+    assert [view.camera for view in both[0]] == ["external", where or "wrist_wide"]
+    without, seen = (np.stack([[v.colour, v.depth] for v in views]).astype(int) for views in both)
+    assert placed.effect == name and (np.abs(without - seen) > 8).mean() > 1e-3
 
 
 @pytest.mark.parametrize(("name", "where"), [("camera_delay", None), ("part_colour", "arm")])

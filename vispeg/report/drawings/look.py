@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from vispeg.render.cameras.standard import standard_cameras
 from vispeg.render.image_kinds import depth_picture
 from vispeg.render.look import dress
 from vispeg.render.snapshot import Snapshot
+from vispeg.report.drawings.figures import new_figure, styled
 from vispeg.task.eyes import resized
 from vispeg.task.start import home
 from vispeg.worlds.split import moving
@@ -30,8 +32,53 @@ SIZE = 240  # px, side of a view
 SPEED = 0.5  # rad/s of the first joint, for what depends on motion
 
 
+@dataclass(frozen=True)
+class Seen:
+    """What a camera sees: its name, colour and drawn depth (H, W, 3) uint8, and the range of the depth's colours, m."""
+
+    camera: str
+    colour: np.ndarray
+    depth: np.ndarray
+    near: float
+    far: float
+
+
 def draw(kind: Effect, where: str | None, scene: Any, path: Path, *, overwrite: bool = False) -> bool:
     """Write a PNG with colour and depth of two cameras of an arm that moves: nominal above, with effect below.
+
+    Arguments are as in `looks`; `path` is the picture's, and `overwrite` replaces an existing one.
+
+    Returns:
+        Whether the effect changes anything there; without a change no picture is written.
+    """
+    placed, without, seen = looks(kind, where, scene)
+    pairs = zip(without, seen, strict=True)
+    if all(np.array_equal(a.colour, b.colour) and np.array_equal(a.depth, b.depth) for a, b in pairs):
+        return False
+    picture = BytesIO()
+    sizes = ", ".join(f"{k} {v.value:g} {kind.params[k].unit}".removesuffix(" 1") for k, v in placed.params.items())
+    with styled():
+        figure = new_figure(5.0, 8.6)
+        grid = figure.subplots(2, 2 * len(seen), squeeze=False)
+        for row, (name, views) in enumerate((("without", without), ("with the effect", seen))):
+            grid[row, 0].set_ylabel(name)
+            for k, view in enumerate(views):
+                title = f"{view.camera}: depth\n{view.near:.2f} m red, {view.far:.2f} m blue"
+                drawn = (view.colour, view.camera), (view.depth, title)
+                for ax, (image, text) in zip(grid[row, 2 * k : 2 * k + 2], drawn, strict=True):
+                    ax.imshow(image, interpolation="nearest")
+                    ax.set(xticks=[], yticks=[])
+                    ax.spines[:].set_visible(False)
+                    if row == 0:
+                        ax.set_title(text)
+        figure.suptitle(f"{placed.label}\n{sizes}", x=0.01, ha="left", fontsize=10, fontweight="bold")
+        figure.savefig(picture, format="png", dpi=160)
+    write_bytes_atomic(path, picture.getvalue(), overwrite=overwrite)
+    return True
+
+
+def looks(kind: Effect, where: str | None, scene: Any) -> tuple[EffectInstance, list[Seen], list[Seen]]:
+    """Return the effect, and what two cameras of an arm that moves see without and with it.
 
     The cameras are the external one and the wide one on the wrist, or in its place the one on which the effect acts.
 
@@ -39,18 +86,13 @@ def draw(kind: Effect, where: str | None, scene: Any, path: Path, *, overwrite: 
         kind: the effect, at its typical values.
         where: the effect's place; by default everywhere.
         scene: the robot in its cell.
-        path: path of the picture.
-        overwrite: replace an existing picture.
-
-    Returns:
-        Whether the effect changes anything there; without a change no picture is written.
     """
     where = place(kind, where or "all", scene)
     placed = EffectInstance.of(kind.name, where, **{k: p.start for k, p in kind.params.items()})
     by_name = {c.name: c for c in standard_cameras(scene.tip, scene.config.fixture)}
     shown = ["external", where if where in by_name and where != "external" else "wrist_wide"]
     cameras = [resized(by_name[name], SIZE) for name in shown]
-    rows = []
+    out = []
     how: Any = {"shadows": kind.name == "shadows", "moving": moving(World(effects=(placed,)))}
     with Renderer(scene, cameras, **how) as renderer:
         posture = home(scene)
@@ -63,18 +105,12 @@ def draw(kind: Effect, where: str | None, scene: Any, path: Path, *, overwrite: 
             shots = renderer.render(qpos, qvel=qvel)
             depths = matcher.depths(0, Snapshot(qpos, qvel, {}))
             views = [replace(shots[c.name], depth=depths.get(c.name, shots[c.name].depth)) for c in cameras]
-            seen = [_seen(view, shots[c.name].depth, c, world) for c, view in zip(cameras, views, strict=True)]
-            rows.append(np.concatenate(seen, axis=1))
-    if np.array_equal(*rows):
-        return False
-    import cv2
-
-    write_bytes_atomic(path, cv2.imencode(".png", np.concatenate(rows)[..., ::-1])[1].tobytes(), overwrite=overwrite)
-    return True
+            out.append([_seen(view, shots[c.name].depth, c, world) for c, view in zip(cameras, views, strict=True)])
+    return placed, out[0], out[1]
 
 
-def _seen(shot: Shot, truth: np.ndarray, camera: Camera, world: World) -> np.ndarray:
-    """Return colour and depth side by side, (H, 2 W, 3) uint8, with the camera's effects; missing depth is black.
+def _seen(shot: Shot, truth: np.ndarray, camera: Camera, world: World) -> Seen:
+    """Return what a camera with its effects sees; missing depth is black.
 
     `truth` (H, W) m is depth as rendered, which also scales the colours of depth.
     """
@@ -85,6 +121,6 @@ def _seen(shot: Shot, truth: np.ndarray, camera: Camera, world: World) -> np.nda
     out = Pipeline([world], camera.name).run(frame, [stream(0, "look", camera.name)])
     assert out.rgb is not None and out.depth is not None  # the frame had both
     colour = np.round(255 * np.clip(out.rgb[0], 0, 1)).astype(np.uint8)
-    depth = out.depth[0]
     near, far = (float(np.percentile(truth[truth > 0], q)) for q in (2, 90))
-    return np.concatenate([colour, depth_picture(depth, near, max(far, near + 1e-6))], axis=1)
+    far = max(far, near + 1e-6)
+    return Seen(camera.name, colour, depth_picture(out.depth[0], near, far), near, far)

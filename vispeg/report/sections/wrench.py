@@ -73,6 +73,7 @@ def _figure(force: Trace, torque: Trace, codes: np.ndarray, names: list[str], sh
             quiet(ax)
     _band(axes[6], force.time, codes)
     axes[6].set_xlabel("time (s)")
+    figure.align_ylabels(axes)
     entries = {"measured": (MEASURED, "-"), "initial model": (BEFORE, "-")}
     if force.after is not None:
         entries["corrected model"] = (AFTER, "-")

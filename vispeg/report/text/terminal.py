@@ -147,7 +147,7 @@ def report_line(out: Path) -> Line:
 
 
 def joints_table(comparison: Mapping[str, Any]) -> Sheet:
-    """Return a table of each joint's error, noise floor and their ratio, and the torque error if measured."""
+    """Return a table of error, noise floor, ratio and measured torque error of each joint (of a wrench, each axis)."""
     joints = rows(comparison, "joints")
     torque = any("torque_error" in row for row in joints)
     heads = ["Error", "Noise floor", "Times", *(["Torque error"] if torque else [])]
@@ -157,7 +157,8 @@ def joints_table(comparison: Mapping[str, Any]) -> Sheet:
         line = [str(row.get("joint", "?")), quantity(row.get("error"), unit), quantity(row.get("floor"), unit)]
         line.append(fold(float(row["times_floor"])) if row.get("times_floor") else "–")
         cells.append(line + ([quantity(row.get("torque_error"), "N m RMS")] if torque else []))
-    return Sheet([Column("Joint"), *(Column(head, right=True) for head in heads)], cells)
+    name = "Axis" if comparison.get("evidence") == "contact" else "Joint"
+    return Sheet([Column(name), *(Column(head, right=True) for head in heads)], cells)
 
 
 def comparison_summary(comparison: Mapping[str, Any]) -> list[Block]:
