@@ -51,19 +51,25 @@ def _tried(
     """
     judged = search.judge.evidence
     assert isinstance(judged, ContactEvidence)
-    both = (search.evidence, search.need()), (judged, search.confirms())
-    screens = [(Screen(evidence, world, ()), surely(evidence, drop)) for evidence, drop in both]
+    fitted, held = Screen(search.evidence, world, ()), Screen(judged, world, ())
+    needs = surely(search.evidence, search.need()), surely(judged, search.confirms())
     ways, out = [way for name, at in where for way in outward(name, at)], []
     for step in range(max((len(w) for w in ways), default=0)):
         ways = [w for w in ways if len(w) > step]
-        asked = [w[step] for w in ways]
-        moved = [
-            [p.moved / need * (p.moved > RULES.felt**2) for p in s.ask(asked, in_part=False)[0]] for s, need in screens
-        ]
-        shares = np.min(moved, axis=0).tolist()
-        out += [(e.effect, e.where, k, e.params[k].value, share) for (k, e), share in zip(asked, shares, strict=True)]
+        shares = _shares(fitted, [w[step] for w in ways], needs[0])
+        # the held-out recordings are asked of sizes that the fitted ones show, and of the last, which is extrapolated
+        both = [k for k, w in enumerate(ways) if shares[k] >= 1.0 or len(w) == step + 1]
+        shares[both] = np.minimum(shares[both], _shares(held, [ways[k][step] for k in both], needs[1]))
+        asked = zip((w[step] for w in ways), shares.tolist(), strict=True)
+        out += [(e.effect, e.where, k, e.params[k].value, share) for (k, e), share in asked]
         ways = [w for w, share in zip(ways, shares, strict=True) if share < 1.0]
     return out
+
+
+def _shares(screen: Screen, tries: Sequence[tuple[str, EffectInstance]], need: float) -> np.ndarray:
+    """Return the squared changes that sizes make in all of the recordings, over the needed one; 0 if not felt."""
+    moved = np.array([p.moved for p in screen.ask(tries, in_part=False)[0]])
+    return np.where(moved > RULES.felt**2, moved / need, 0.0)
 
 
 def surely(evidence: ContactEvidence, drop: float) -> float:
