@@ -13,6 +13,7 @@ from vispeg.control.laws import ZONE, away, osc, singular, task_inertia
 from vispeg.core.errors import UserError
 from vispeg.report.live.shapes import visible
 from vispeg.robots.declare import RobotConfig
+from vispeg.robots.menagerie import available, find
 from vispeg.robots.model import load
 from vispeg.robots.scene import SceneConfig, build
 from vispeg.sim.compiled import nominal_of
@@ -178,6 +179,15 @@ def test_an_arm_that_is_not_installed_is_refused_in_one_line(monkeypatch):
     monkeypatch.setattr("vispeg.robots.menagerie._downloaded", lambda folder: None)
     with pytest.raises(UserError, match="'ur5e' is not here.*pip install.*menagerie.*MENAGERIE_ROOT"):
         load_world("ur5e")
+
+
+def test_a_folder_of_scenes_alone_is_no_robot(tmp_path, monkeypatch):
+    (tmp_path / "empty_bot").mkdir()
+    (tmp_path / "empty_bot" / "scene.xml").write_text("<mujoco/>")
+    write(tmp_path, "panda", PANDA)
+    monkeypatch.setenv("MENAGERIE_ROOT", str(tmp_path))
+    monkeypatch.setattr("vispeg.robots.menagerie._downloaded", lambda folder: None)
+    assert find("empty_bot") is None and available() == []
 
 
 def test_a_declared_flange_limits_and_bodies_without(tmp_path):

@@ -40,7 +40,12 @@ def folders() -> dict[str, Path]:
     root = os.environ.get("MENAGERIE_ROOT")
     if not root or not Path(root).is_dir():
         return {}
-    return {p.name: p for p in Path(root).iterdir() if p.is_dir() and any(p.glob("*.xml"))}
+    return {p.name: p for p in Path(root).iterdir() if p.is_dir() and _files(p)}
+
+
+def _files(folder: Path) -> list[Path]:
+    """Return the robots' MJCF in a folder; scenes around a robot are left out."""
+    return sorted(p for p in folder.glob("*.xml") if not p.stem.startswith("scene"))
 
 
 def available() -> list[str]:
@@ -91,7 +96,7 @@ def find(robot: str) -> Path | None:
 
 def _entry(folder: Path, entry: str) -> Path:
     """Return a folder's MJCF named `entry`; for "" the one whose name ends the folder's name, else the first."""
-    files = sorted(p for p in folder.glob("*.xml") if not p.stem.startswith("scene"))
+    files = _files(folder)
     if entry:
         named = [p for p in files if p.stem == entry]
         if not named:
