@@ -32,12 +32,12 @@ def smooth(
         episode: as in `episodes`.
 
     Returns:
-        q (rad), dq (rad/s), ddq (rad/s^2), each (n, nj); derivatives are NaN where two readings do not exist.
+        q (rad), dq (rad/s), ddq (rad/s^2), each (n, nj); derivatives are NaN at a lone reading.
     """
     time, q = np.asarray(time, float), np.asarray(q, float)
     out = tuple(np.full(q.shape, np.nan) for _ in range(3))
     for rows in episodes(time, episode):
-        for columns in _alike(np.isfinite(q[rows])):
+        for columns in _same_gaps(np.isfinite(q[rows])):
             good = rows[np.isfinite(q[rows, columns[0]])]
             for run in _runs(time, good):
                 inside = rows[(rows >= run[0]) & (rows <= run[-1])]
@@ -127,7 +127,7 @@ def _blocks(
         yield run[max(start - margin, 0) : stop + margin], inside[(inside >= first) & (inside < last)]
 
 
-def _alike(finite: np.ndarray) -> Iterator[np.ndarray]:
+def _same_gaps(finite: np.ndarray) -> Iterator[np.ndarray]:
     """Group the columns of (n, nj) that miss the same readings, so that each group is filtered in one call."""
     if finite.all():
         yield np.arange(finite.shape[1])
@@ -139,7 +139,7 @@ def _alike(finite: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def _runs(time: np.ndarray, good: np.ndarray) -> list[np.ndarray]:
-    """Return the rows with a reading, split at gaps in time."""
+    """Return the rows with a reading, split where the next one is more than 20 ms and 1.5 usual steps later."""
     step = np.diff(time[good])
     longest = max(GAP_S, 1.5 * float(np.median(step))) if len(step) else GAP_S
     return np.split(good, np.flatnonzero(step > longest * (1 + 1e-9)) + 1)

@@ -32,20 +32,22 @@ def _example(folder: Path) -> Path:
     time = np.arange(20) / 100.0
     q = np.column_stack([0.1 * np.sin(time), 0.2 * np.cos(time)])
     ee = np.tile([0.5, 0.0, 0.4, 1.0, 0.0, 0.0, 0.0], (20, 1))
-    rest = {"tool": {"mass_kg": 0.3}, "noise": {"q": 1e-4}, "torque_sensor": "joint", "episode": np.repeat([0, 1], 10)}
+    further = {"tool": {"mass_kg": 0.3}, "noise": {"q": 1e-4}, "torque_sensor": "joint"}
+    further["episode"] = np.repeat([0, 1], 10)
     control = Control("position", 100.0, "model", np.full(2, 100.0), np.full(2, 10.0))
     eye = RecordedCamera("eye", 8, 6, 9.0, 9.0, 3.5, 2.5, mount="flange", pose=np.eye(4))
     picture = np.arange(48, dtype=np.uint8).reshape(6, 8)
     frame = RecordedFrame(0.05, eye, np.stack([picture] * 3, -1), picture / np.float32(100))
-    rest["frames"] = Frames({"eye": eye}, (frame,))
-    rest |= {
+    further["frames"] = Frames({"eye": eye}, (frame,))
+    further |= {
         "ft": np.ones((20, 6)),
         "wrench": WrenchSensor(tared="weight"),
         "outcomes": (Outcome(True, 1, "success", 9.0),),
     }
-    rest["signals"] = {"current": Signal(q + 1.0, "A", 0.02)}
-    rest["cell"] = CellBelief("nominal", {"friction": 0.2}, None, ({"effect": "contact_friction", "where": "fixture"},))
-    rec = Recording(folder / "rig", "iiwa14", ("a", "b"), 100.0, control, time, q, tau=q, q_cmd=q, ee=ee, **rest)
+    further["signals"] = {"current": Signal(q + 1.0, "A", 0.02)}
+    effects = ({"effect": "contact_friction", "where": "fixture"},)
+    further["cell"] = CellBelief("nominal", {"friction": 0.2}, None, effects)
+    rec = Recording(folder / "rig", "iiwa14", ("a", "b"), 100.0, control, time, q, tau=q, q_cmd=q, ee=ee, **further)
     return write(rec, folder / "rig")
 
 
@@ -145,7 +147,7 @@ def assemble(
         time=time,
         q=q,
         **signals,  # type: ignore[arg-type]  # its keys are SIGNALS without `q`, all arrays
-        signals={name: _own(table, name, said, header) for name, said in header.signals.items()},
+        signals={name: _declared(table, name, section, header) for name, section in header.signals.items()},
         episode=episode,
         tool=None if header.tool is None else plain(header.tool),
         base_tilt=(header.base.tilt_rad[0], header.base.tilt_rad[1]),
@@ -173,7 +175,7 @@ def _files(folder: Path) -> tuple[Path, Path]:
         raise UserError(f"cannot be read: {error}", file=folder) from error
     if len(tables) != 1:
         raise UserError(
-            f"holds {'both' if tables else 'neither'} {' and '.join(SAMPLES)}" if tables else "holds no samples",
+            f"holds both {' and '.join(SAMPLES)}" if tables else "holds no samples",
             file=folder,
             expected=f"one of {', '.join(SAMPLES)}",
         )
@@ -225,7 +227,7 @@ def _torque_limit(limit: list[float] | None, nj: int, file: Path) -> np.ndarray 
     return None if limit is None else np.array(limit, float)
 
 
-def _own(table: Table, name: str, said: SignalSection, header: Header) -> Signal:
+def _declared(table: Table, name: str, section: SignalSection, header: Header) -> Signal:
     """Read a signal that the header declares. Raises UserError: a column is absent."""
     values = _signal(table, name, header.joints, True)
     if values is None:
@@ -233,7 +235,7 @@ def _own(table: Table, name: str, said: SignalSection, header: Header) -> Signal
         raise UserError(
             f"has no column of the signal {name}, which its header declares", file=table.file, expected=expected
         )
-    return Signal(values, said.unit, said.noise)
+    return Signal(values, section.unit, section.noise)
 
 
 def _signal(table: Table, name: str, joints: list[str], keep: bool) -> np.ndarray | None:
@@ -246,7 +248,7 @@ def _signal(table: Table, name: str, joints: list[str], keep: bool) -> np.ndarra
         return None
     for column in columns:
         if column in table.text or column not in table.names:
-            table.number(column)
+            table.number(column)  # raises UserError
     if not keep:
         return None
     values = np.empty((table.rows, len(columns)))
@@ -267,8 +269,8 @@ def _check(table: Table, name: str, values: np.ndarray, columns: list[str]) -> N
 def _need(table: Table, header: Header, signals: dict[str, np.ndarray | None]) -> None:
     """Raise UserError if a signal that the control mode needs is absent or misses too many readings."""
     mode = header.control.mode
-    felt = ("ft",) if (header.wrench is not None or header.cell is not None) and signals["ft"] is not None else ()
-    for name in ("q", *NEEDED[mode], *felt):
+    contact = ("ft",) if (header.wrench is not None or header.cell is not None) and signals["ft"] is not None else ()
+    for name in ("q", *NEEDED[mode], *contact):
         values = signals[name]
         columns = columns_of(name, header.joints)
         if columns[0] not in table.names:
@@ -276,8 +278,8 @@ def _need(table: Table, header: Header, signals: dict[str, np.ndarray | None]) -
         if values is not None:
             check_share(table, values, columns)
     if columns_of("tau", header.joints)[0] in table.names and header.torque_sensor == "none":
-        said = "has tau columns, but `torque_sensor` is none: no comparison or fit uses them; say joint or motor"
-        note(f"{table.file}: {said}")
+        unused = "has tau columns, but `torque_sensor` is none: no comparison or fit uses them; say joint or motor"
+        note(f"{table.file}: {unused}")
 
 
 def _clock(table: Table, rate_hz: float) -> tuple[np.ndarray, np.ndarray | None]:

@@ -63,12 +63,12 @@ def wrench(section: WrenchSection | None) -> WrenchSensor | None:
 
 def outcomes(sections: list[OutcomeSection], episode: np.ndarray | None, file: Path) -> tuple[Outcome, ...]:
     """Return the outcomes of trials. Raises UserError: an outcome's episode is absent or has two outcomes."""
-    there = {0} if episode is None else {int(number) for number in np.unique(episode)}
+    episodes = {0} if episode is None else {int(number) for number in np.unique(episode)}
     for i, outcome in enumerate(sections):
-        if outcome.episode not in there:
+        if outcome.episode not in episodes:
             got = outcome.episode
             raise UserError(
-                "no such episode", file=file, key=f"outcome[{i}].episode", expected=sorted(there)[:9], got=got
+                "no such episode", file=file, key=f"outcome[{i}].episode", expected=sorted(episodes)[:9], got=got
             )
         if outcome.episode in {other.episode for other in sections[:i]}:
             raise UserError("is given twice", file=file, key=f"outcome[{i}].episode", got=outcome.episode)

@@ -23,16 +23,17 @@ def highpass_sigma(values: np.ndarray) -> np.ndarray:
     without five consecutive readings.
     """
     diff = np.diff(values, 4, axis=0)
-    sigma, told = np.zeros(values.shape[1]), np.isfinite(diff).any(axis=0)
-    seen = diff[:, told]
-    sigma[told] = np.nanmedian(np.abs(seen - np.nanmedian(seen, axis=0)), axis=0) / np.sqrt(70.0) if told.any() else 0.0
-    return 1.4826 * sigma
+    sigma, known = np.zeros(values.shape[1]), np.isfinite(diff).any(axis=0)
+    if known.any():
+        diff = diff[:, known]
+        sigma[known] = np.nanmedian(np.abs(diff - np.nanmedian(diff, axis=0)), axis=0) / np.sqrt(70.0)
+    return 1.4826 * sigma  # from median absolute to standard deviation
 
 
 def noise_of(rec: Recording) -> dict[str, np.ndarray]:
     """Return the 1-sigma noise per joint (nj,) of `q` (rad) and `tau` (N m): the stated one, else an estimate."""
     out = {}
-    for name, least in (("q", 1e-7), ("tau", 1e-3)):
+    for name, least in (("q", 1e-7), ("tau", 1e-3)):  # least noise, rad and N m
         values = getattr(rec, name)
         if values is None:
             continue

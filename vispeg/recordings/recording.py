@@ -73,13 +73,13 @@ class Chosen:
     def said(self, name: str) -> str:
         """Describe the choice in one sentence."""
         where = ", ".join(f"{w.start:.4g}" for w in self.windows)
-        many = f"{len(self.windows)} windows" if len(self.windows) > 1 else "one window"
+        count = f"{len(self.windows)} windows" if len(self.windows) > 1 else "one window"
         speed, acceleration, load = (f"{100 * x:.0f} %" for x in (self.speed, self.acceleration, self.load))
-        still = f"; {', '.join(self.standing)} moves in none of them: use more (--seconds)" if self.standing else ""
+        standing = f"; {', '.join(self.standing)} moves in none of them: use more (--seconds)" if self.standing else ""
         return (
-            f"{name}: {self.used_s:.0f} of {self.of_s:.0f} s are used, {many} from {where} s on, chosen for what they "
+            f"{name}: {self.used_s:.0f} of {self.of_s:.0f} s are used, {count} from {where} s on, chosen for what they "
             f"show: {self.reversals} of {self.reversals_of} reversals, and of every joint at least {speed} of its top "
-            f"speed, {acceleration} of its acceleration, {load} of its range of load{still}"
+            f"speed, {acceleration} of its acceleration, {load} of its range of load{standing}"
         )
 
 
@@ -175,9 +175,9 @@ class Recording:
 
     def __repr__(self) -> str:
         arrays = [key for key, value in vars(self).items() if isinstance(value, np.ndarray) and key != "time"]
-        said = f"{self.robot}, {len(self.joints)} joints, {len(self.time)} samples at {self.rate_hz:g} Hz"
+        summary = f"{self.robot}, {len(self.joints)} joints, {len(self.time)} samples at {self.rate_hz:g} Hz"
         pictures = "" if self.frames is None else f" and {len(self.frames)} pictures"
-        return f"<Recording {self.name}: {said}: {', '.join(arrays)}{pictures}>"
+        return f"<Recording {self.name}: {summary}: {', '.join(arrays)}{pictures}>"
 
 
 def in_order(rec: Recording, joints: Sequence[str]) -> Recording:
@@ -194,5 +194,5 @@ def in_order(rec: Recording, joints: Sequence[str]) -> Recording:
         control = replace(control, torque_limit=control.torque_limit[order])
     if control.nullspace is not None:
         control = replace(control, nullspace=replace(control.nullspace, q=control.nullspace.q[order]))
-    more = {name: replace(s, values=s.values[:, order]) for name, s in rec.signals.items()}
-    return replace(rec, joints=wanted, control=control, signals=more, **signals)
+    declared = {name: replace(s, values=s.values[:, order]) for name, s in rec.signals.items()}
+    return replace(rec, joints=wanted, control=control, signals=declared, **signals)

@@ -52,7 +52,8 @@ def regimes(
         force: (n,) N, magnitude of the contact force.
         speed: (n,) m/s, tip speed along the touched surface.
         approach: (n,) m/s, total tip speed.
-        inside: (n,) m, depth of the tip in the goal if it is above the opening, else negative; None without goal.
+        inside: (n,) m, depth of the tip in the goal if it is horizontally inside the opening, else negative; None
+            without goal.
         thresholds: thresholds between regimes.
 
     Returns:

@@ -20,10 +20,10 @@ def poses(clock: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray
     slerp along the shorter arc: sin((1-s) a)/sin(a) q0 + sin(s a)/sin(a) q1, cos(a) = q0.q1, s = 0 to 1 from q0 to q1.
     """
     out = linear(clock, time, values)
-    quaternion = values[:, 3:] / np.maximum(np.linalg.norm(values[:, 3:], axis=1, keepdims=True), 1e-12)
-    right = np.clip(np.searchsorted(time, clock), 1, max(len(time) - 1, 1)) if len(time) > 1 else None
-    if right is None:
+    if len(time) < 2:
         return out
+    quaternion = values[:, 3:] / np.maximum(np.linalg.norm(values[:, 3:], axis=1, keepdims=True), 1e-12)
+    right = np.clip(np.searchsorted(time, clock), 1, len(time) - 1)
     q0, q1 = quaternion[right - 1], quaternion[right]
     cosine = np.sum(q0 * q1, axis=1, keepdims=True)
     q1, cosine = np.where(cosine < 0, -q1, q1), np.minimum(np.abs(cosine), 1.0)

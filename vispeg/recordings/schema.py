@@ -229,8 +229,8 @@ def _unknown(section: BaseModel, prefix: str = "") -> list[str]:
     keys = [f"{prefix}{key}" for key in section.model_extra or {}]
     for name in type(section).model_fields:
         value = getattr(section, name)
-        parts = value if isinstance(value, list) else [value]
-        for part in [*value.values()] if isinstance(value, dict) else parts:
+        parts = list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else [value]
+        for part in parts:
             if isinstance(part, BaseModel):
                 keys += _unknown(part, f"{prefix}{name}.")
     return keys

@@ -41,7 +41,7 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
         seconds: longest total duration, s, though one window is always used; 0 uses all.
 
     Returns:
-        The recording with its windows as episodes, each in its own time, and `chosen` set; `rec` where it is short.
+        The recording with its windows as episodes, with unchanged times, and `chosen` set; `rec` where it is short.
     """
     runs = episodes(rec.time, rec.episode)
     length = float(sum(rec.time[rows[-1]] - rec.time[rows[0]] for rows in runs))
@@ -99,7 +99,7 @@ def split(rec: Recording, share: float) -> tuple[Recording, Recording]:
 
 
 def taken(rec: Recording, parts: Sequence[tuple[int, int]]) -> Recording:
-    """Cut the spans of rows (first, stop) from a recording; each becomes an episode with its own time.
+    """Cut the spans of rows (first, stop) from a recording; each becomes an episode; times stay.
 
     A span keeps the pictures taken during it, and an outcome if it is a whole episode.
     """
@@ -110,8 +110,8 @@ def taken(rec: Recording, parts: Sequence[tuple[int, int]]) -> Recording:
     outcomes: list[Outcome] = []
     for new, (first, stop) in enumerate(parts):
         start, end = rec.time[first], rec.time[stop - 1]
-        mine = (f for f in rec.frames or () if f.episode == old[first] and start <= f.time <= end)
-        frames += [replace(frame, episode=new) for frame in mine]
+        inside = (f for f in rec.frames or () if f.episode == old[first] and start <= f.time <= end)
+        frames += [replace(frame, episode=new) for frame in inside]
         if np.sum(old == old[first]) == stop - first:
             outcomes += [replace(o, episode=new) for o in rec.outcomes if o.episode == old[first]]
     pictures = Frames(rec.frames.cameras, tuple(frames)) if rec.frames and frames else None
@@ -169,7 +169,7 @@ def _candidates(runs: Sequence[np.ndarray], every: int, width: int) -> Iterator[
 
     Args:
         runs: the row numbers of each episode.
-        every: one of so many rows of an episode is examined.
+        every: distance of examined rows, in rows of an episode.
         width: examined rows of a window.
 
     Yields:

@@ -67,8 +67,8 @@ def _samples(rec: Recording) -> dict[str, np.ndarray]:
     columns = {"time": rec.time}
     if rec.episode is not None:
         columns["episode"] = np.asarray(rec.episode, np.int64)
-    own = {name: signal.values for name, signal in rec.signals.items()}
-    for signal, values in ({name: getattr(rec, name) for name in SIGNALS} | own).items():
+    declared = {name: signal.values for name, signal in rec.signals.items()}
+    for signal, values in ({name: getattr(rec, name) for name in SIGNALS} | declared).items():
         if values is None:
             continue
         names = columns_of(signal, rec.joints)
@@ -101,7 +101,7 @@ def _write_parquet(file: Path, columns: dict[str, np.ndarray]) -> None:
 def _header(rec: Recording, folder: Path) -> Mapping[str, object]:
     head: dict[str, object] = {
         "format": FORMAT,
-        "robot": _robot(rec.robot, folder),
+        "robot": _relative(rec.robot, folder),
         "joints": list(rec.joints),
         "rate_hz": float(rec.rate_hz),
         "control": _control(rec.control),
@@ -113,7 +113,7 @@ def _header(rec: Recording, folder: Path) -> Mapping[str, object]:
     if rec.noise:
         head["noise"] = _plain(rec.noise)
     if rec.cell is not None:
-        head["cell"] = _plain(replace(rec.cell, world=_robot(rec.cell.world, folder)).plain())
+        head["cell"] = _plain(replace(rec.cell, world=_relative(rec.cell.world, folder)).plain())
     if rec.wrench is not None:
         sensor = {key: _plain(value) for key, value in asdict(rec.wrench).items()}
         head["wrench"] = {"pos_m" if key == "pos" else key: value for key, value in sensor.items()}
@@ -135,11 +135,12 @@ def _outcome(outcome: Outcome) -> Mapping[str, object]:
     return head | {key: float(value) for key, value in numbers.items() if value is not None}
 
 
-def _robot(robot: str, folder: Path) -> str:
-    if not os.path.isabs(robot):
-        return robot
-    relative = os.path.relpath(os.path.realpath(robot), os.path.realpath(folder))
-    return relative if "/" in relative or "." in relative else robot
+def _relative(path: str, folder: Path) -> str:
+    """Return an absolute path relative to `folder`, and any other text unchanged."""
+    if not os.path.isabs(path):
+        return path
+    relative = os.path.relpath(os.path.realpath(path), os.path.realpath(folder))
+    return relative if "/" in relative or "." in relative else path  # a bare word would be read as a name
 
 
 def _control(control: Control) -> Mapping[str, object]:

@@ -7,7 +7,8 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.core.notes import note
 from vispeg.recordings.checks.quality import Limits
-from vispeg.recordings.importers.plausible import Needs, doubts
+from vispeg.recordings.importers.fits import Needs
+from vispeg.recordings.importers.plausible import doubts
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel, load_for
 from vispeg.sim.compiled import compiled

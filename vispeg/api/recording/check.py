@@ -24,7 +24,7 @@ from vispeg.recordings.checks.check import check as examine
 from vispeg.recordings.checks.contact_check import said, together
 from vispeg.recordings.checks.plot import plot
 from vispeg.recordings.checks.quality import Limits
-from vispeg.recordings.importers.plausible import Needs
+from vispeg.recordings.importers.fits import Needs
 from vispeg.recordings.load import load
 from vispeg.recordings.noise import noise_from_repeats, same_motion
 from vispeg.recordings.recording import Recording

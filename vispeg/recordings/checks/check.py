@@ -13,7 +13,8 @@ from vispeg.recordings.checks.contact_check import ContactCheck
 from vispeg.recordings.checks.joint_check import JointCheck, joint_check
 from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.checks.timing import Timing, timing
-from vispeg.recordings.importers.plausible import Needs, doubts
+from vispeg.recordings.importers.fits import Needs
+from vispeg.recordings.importers.plausible import doubts
 from vispeg.recordings.recording import Recording
 
 SIGNALS = ("dq", "tau", "tau_cmd", "q_cmd")  # signals checked in addition to q

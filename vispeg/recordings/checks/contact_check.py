@@ -91,8 +91,8 @@ def examine(t: Touched) -> ContactCheck:
     flat = t.velocity[sliding][:, :2]
     sectors = np.unique(np.floor(np.arctan2(flat[:, 1], flat[:, 0]) / (np.pi / 4) + 0.5).astype(int) % 8)
     first = (t.regime == IMPACT) & np.concatenate([[True], t.regime[:-1] != IMPACT])
-    begins = np.concatenate([np.full(len(rows), rows[0]) for rows in episodes(t.time, t.episode)])
-    hits = tuple(float(speed[max(begins[i], i - BEFORE) : i + 1].max()) for i in np.flatnonzero(first))
+    episode_start = np.concatenate([np.full(len(rows), rows[0]) for rows in episodes(t.time, t.episode)])
+    hits = tuple(float(speed[max(episode_start[i], i - BEFORE) : i + 1].max()) for i in np.flatnonzero(first))
     free = min(_free_start(t, number) for number in np.unique(t.episode))
     extent = _extent(t, seconds, sectors, free, step)
     return ContactCheck(
@@ -150,7 +150,11 @@ def _excited(extent: Extent) -> dict[str, str]:
     """Return effect -> why it is not excited, "" if it is."""
     lacks = lacking(extent)
     needing = sorted((list(NEEDS).index(e.needs), name) for name, e in REGISTRY.items() if e.needs)
-    return {name: lacks[effect(name).needs].format(other=next(iter(effect(name).told_from), "")) for _, name in needing}
+    out = {}
+    for _, name in needing:
+        confounded = next(iter(effect(name).told_from), "")
+        out[name] = lacks[effect(name).needs].format(other=confounded)
+    return out
 
 
 def together(checks: Sequence[ContactCheck]) -> dict[str, str]:

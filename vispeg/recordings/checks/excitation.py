@@ -63,7 +63,8 @@ def excitation(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, noise_tau: float 
         identifiability = dict(zip(PARAMETERS, (partial / norms).tolist(), strict=True))
         if noise_tau is not None:
             sigma = {
-                k: float(noise_tau / o) if o > 0 else float("inf") for k, o in zip(PARAMETERS, partial, strict=True)
+                k: float(noise_tau / norm) if norm > 0 else float("inf")
+                for k, norm in zip(PARAMETERS, partial, strict=True)
             }
     return Excitation(float(np.ptp(q)), peak, turns, float(moving.mean()), spread, condition, identifiability, sigma)
 

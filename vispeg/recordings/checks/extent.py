@@ -60,22 +60,22 @@ class Extent:
     goal: bool
 
 
-def joined(some: Sequence[Extent]) -> Extent:
+def joined(extents: Sequence[Extent]) -> Extent:
     """Combine the excitation of several recordings of the same cell."""
-    forces, yaws = [e.forces for e in some if e.forces], [e.yaw for e in some if e.yaw]
-    again = [e.blows for e in some if e.blows is not None]
+    forces, yaws = [e.forces for e in extents if e.forces], [e.yaw for e in extents if e.yaw]
+    blows = [e.blows for e in extents if e.blows is not None]
     return Extent(
-        begins_free=max(e.begins_free for e in some),
-        tilt=max(e.tilt for e in some),
-        pressed=sum(e.pressed for e in some),
-        slid=sum(e.slid for e in some),
-        inserted=sum(e.inserted for e in some),
+        begins_free=max(e.begins_free for e in extents),
+        tilt=max(e.tilt for e in extents),
+        pressed=sum(e.pressed for e in extents),
+        slid=sum(e.slid for e in extents),
+        inserted=sum(e.inserted for e in extents),
         forces=(min(low for low, _ in forces), max(high for _, high in forces)) if forces else None,
-        sectors=tuple(sorted({s for e in some for s in e.sectors})),
-        blows=tuple(v for blows in again for v in blows) if again else None,
-        hard=sum(e.hard for e in some),
+        sectors=tuple(sorted({s for e in extents for s in e.sectors})),
+        blows=tuple(v for speeds in blows for v in speeds) if blows else None,
+        hard=sum(e.hard for e in extents),
         yaw=(min(low for low, _ in yaws), max(high for _, high in yaws)) if yaws else None,
-        goal=any(e.goal for e in some),
+        goal=any(e.goal for e in extents),
     )
 
 

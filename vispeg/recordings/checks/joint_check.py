@@ -108,8 +108,7 @@ def joint_check(rec: Recording, j: int, clock: Timing, limits: Limits | None = N
 
 def _sigma(values: np.ndarray) -> float:
     """Estimate the noise of one signal (n,), 1 sigma; 0 if there are too few readings."""
-    diff = np.diff(values, 4)
-    return float(highpass_sigma(values[:, None])[0]) if np.isfinite(diff).any() else 0.0
+    return float(highpass_sigma(values[:, None])[0])
 
 
 def _missing(rec: Recording, q: np.ndarray) -> tuple[float, float]:
@@ -121,9 +120,8 @@ def _missing(rec: Recording, q: np.ndarray) -> tuple[float, float]:
     longest = 0.0
     for rows in np.split(np.arange(len(q)), np.flatnonzero(new)[1:]):
         good = rows[~bad[rows]]
-        marks = rec.time[np.unique(np.concatenate([rows[:1], good, rows[-1:]]))]
-        at = np.unique(np.concatenate([rows[:1], good, rows[-1:]]))
-        skips = np.diff(at) > 1
-        if skips.any():
-            longest = max(longest, float(np.diff(marks)[skips].max()))
+        ends = np.unique(np.concatenate([rows[:1], good, rows[-1:]]))
+        gaps = np.diff(ends) > 1
+        if gaps.any():
+            longest = max(longest, float(np.diff(rec.time[ends])[gaps].max()))
     return float(bad.mean()), longest

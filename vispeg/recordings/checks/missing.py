@@ -50,7 +50,7 @@ def _begun(read: np.ndarray, time: np.ndarray, least: float) -> int | None:
 
 def said(rec: Recording) -> list[str]:
     """Word one line on missing readings of the signals that a comparison uses; no line if none is missing."""
-    parts = [part for name in compared(rec) if (part := _of(rec, name))]
+    parts = [part for name in compared(rec) if (part := _missing(rec, name))]
     return [f"{rec.name}: missing: {'; '.join(parts)}; readings are left out, commands bridged"] if parts else []
 
 
@@ -62,7 +62,8 @@ def compared(rec: Recording) -> tuple[str, ...]:
     return ("q", *NEEDED[rec.control.mode], *torque, *load, *wrench)
 
 
-def _of(rec: Recording, name: str) -> str:
+def _missing(rec: Recording, name: str) -> str:
+    """Word how much of a signal is missing in its worst column; "" if nothing is."""
     values = getattr(rec, name)
     if values is None or np.isfinite(values).all():
         return ""
@@ -73,5 +74,5 @@ def _of(rec: Recording, name: str) -> str:
     first, last = start + first, start + stop - 1
     where = f"at most {last - first + 1} in a row, from {rec.time[first]:.6g} s on"
     others = int(lost.any(axis=0).sum()) - 1
-    beside = f" and at most as much of {others} more" if others else ""
-    return f"{lost[:, j].mean():.1%} of {columns_of(name, rec.joints)[j]} ({where}){beside}"
+    also = f" and at most as much of {others} more" if others else ""
+    return f"{lost[:, j].mean():.1%} of {columns_of(name, rec.joints)[j]} ({where}){also}"

@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 
 PLATEAU_S = 0.01  # s: an extreme that is held exactly for longer is clipping, not a smooth peak
-AT_LIMIT = 0.99
-MIN_PLATEAU = 5
+AT_LIMIT = 0.99  # share of a known limit from which a torque may be clipped
+MIN_PLATEAU = 5  # samples
 NOISE_OF_TEXT = 1e-8  # step relative to the largest value: coarser steps are the sensor's, finer ones text rounding
 
 

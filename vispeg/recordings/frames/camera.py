@@ -80,9 +80,9 @@ class _Section(BaseModel):
             raise ValueError("has both base_T_camera and flange_T_camera")
         for pose in poses:
             matrix = np.array(pose, float)
-            turn = matrix[:3, :3]
-            square = np.abs(turn @ turn.T - np.eye(3)).max() < ROTATION and np.linalg.det(turn) > 0
-            if not square or np.abs(matrix[3] - (0, 0, 0, 1)).max() > ROTATION:
+            axes = matrix[:3, :3]
+            is_rotation = np.abs(axes @ axes.T - np.eye(3)).max() < ROTATION and np.linalg.det(axes) > 0
+            if not is_rotation or np.abs(matrix[3] - (0, 0, 0, 1)).max() > ROTATION:
                 raise ValueError("has a pose that is not a rigid motion (4 x 4, rows of a rotation, then 0 0 0 1)")
         return self
 

@@ -101,9 +101,9 @@ def _frame(place: Path, cameras: dict[str, RecordedCamera], line: int, row: dict
         raise UserError("is not a whole number", file=file, key=f"line {line}, column {EPISODE}", got=row[EPISODE])
     sources: dict[str, Path] = {}
     for kind in KINDS:
-        said = row.get(kind, "").strip()
-        if said:
-            sources[kind] = _picture(place, said, camera, kind, line)
+        picture = row.get(kind, "").strip()
+        if picture:
+            sources[kind] = _picture(place, picture, camera, kind, line)
     if not sources:
         raise UserError("has no picture", file=file, key=f"line {line}", expected="a file under rgb or depth")
     return RecordedFrame(number, camera, sources.get("rgb"), sources.get("depth"), int(episode))
@@ -119,14 +119,14 @@ def _number(file: Path, line: int, text: str, column: str) -> float:
     return value
 
 
-def _picture(place: Path, said: str, camera: RecordedCamera, kind: str, line: int) -> Path:
+def _picture(place: Path, name: str, camera: RecordedCamera, kind: str, line: int) -> Path:
     """Return a picture's file after checking that its PNG header agrees with its camera."""
-    path = place / said
-    if Path(said).is_absolute() or ".." in Path(said).parts:
+    path = place / name
+    if Path(name).is_absolute() or ".." in Path(name).parts:
         expected = "a name below frames/"
-        raise UserError("leads out of frames/", file=place / INDEX, key=f"line {line}", expected=expected, got=said)
+        raise UserError("leads out of frames/", file=place / INDEX, key=f"line {line}", expected=expected, got=name)
     if not is_file(path):
-        raise UserError("no such picture", file=place / INDEX, key=f"line {line}, column {kind}", got=said)
+        raise UserError("no such picture", file=place / INDEX, key=f"line {line}, column {kind}", got=name)
     about, (bits, expected) = head(path), KINDS[kind]
     if about.bits != bits or (kind == "depth" and about.colours != 1):
         raise UserError("has the wrong type", file=path, expected=expected, got=f"{about.bits} bits a channel")
@@ -159,13 +159,13 @@ def _within(
 
 def _check_order(file: Path, frames: Sequence[RecordedFrame]) -> None:
     """Check that no camera has two frames at one time."""
-    there: set[tuple[int, str, float]] = set()
+    earlier: set[tuple[int, str, float]] = set()
     for frame in frames:
         key = frame.episode, frame.camera.name, frame.time
-        if key in there:
-            said = f"camera {frame.camera.name}, time {frame.time!r}"
-            raise UserError("two frames of one camera at one time", file=file, got=said)
-        there.add(key)
+        if key in earlier:
+            got = f"camera {frame.camera.name}, time {frame.time!r}"
+            raise UserError("two frames of one camera at one time", file=file, got=got)
+        earlier.add(key)
 
 
 def write_frames(frames: Frames, folder: Path, episodes: bool = False) -> Path:

@@ -98,27 +98,28 @@ def joint_side(
     out = dict(columns)
     if not mapping.motors:
         return out
-    turn = matrix(joints, mapping, source)
-    back = np.linalg.inv(turn).T
+    of_angles = matrix(joints, mapping, source)  # A
+    of_torques = np.linalg.inv(of_angles).T
     measured: dict[int, np.ndarray] = {}  # angles of motors without jumps
     for signal in ("q", "q_cmd", "dq", "dq_cmd", "tau", "tau_cmd", "load"):
         names = columns_of(signal, joints)
-        there = [j for j, name in enumerate(names) if name in columns]
-        if not there or (signal == "load" and all(np.nanmin(columns[names[j]]) >= 0 for j in there)):
+        present = [j for j, name in enumerate(names) if name in columns]
+        if not present or (signal == "load" and all(np.nanmin(columns[names[j]]) >= 0 for j in present)):
             continue
-        weights = turn if signal in ("q", "q_cmd", "dq", "dq_cmd") else back
-        lacking = [names[k] for j in there for k in np.flatnonzero(weights[j]) if k not in there]
+        weights = of_angles if signal in ("q", "q_cmd", "dq", "dq_cmd") else of_torques
+        lacking = [names[k] for j in present for k in np.flatnonzero(weights[j]) if k not in present]
         if lacking:
             message = "a joint depends on a motor whose column is missing"
             raise UserError(message, file=mapping.file or source, key="motors", got=lacking[0])
-        values = np.stack([columns[names[j]] for j in there], axis=1).astype(float)
+        values = np.stack([columns[names[j]] for j in present], axis=1).astype(float)
         if signal == "q":
-            values, _ = straightened(values, np.tile([-np.inf, np.inf], (len(there), 1)), columns.get("episode"))
-            measured = dict(zip(there, values.T, strict=True))
+            values, _ = straightened(values, np.tile([-np.inf, np.inf], (len(present), 1)), columns.get("episode"))
+            measured = dict(zip(present, values.T, strict=True))
         elif signal == "q_cmd":
-            q = np.stack([measured.get(j, np.full(len(values), np.nan)) for j in there], axis=1)
+            q = np.stack([measured.get(j, np.full(len(values), np.nan)) for j in present], axis=1)
             values = beside(values, q, columns.get("episode"))
-        out |= dict(zip([names[j] for j in there], combined(values, weights[np.ix_(there, there)]).T, strict=True))
+        converted = combined(values, weights[np.ix_(present, present)])
+        out |= dict(zip([names[j] for j in present], converted.T, strict=True))
     return out
 
 

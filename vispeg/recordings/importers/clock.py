@@ -20,7 +20,7 @@ def cleaned(
 ) -> tuple[dict[str, np.ndarray], range | np.ndarray]:
     """Drop repeated rows, start a new episode where the clock steps back, and hold sparse commands; note each repair.
 
-    A row that repeats the previous row's time with other values is an error: nothing says which of the two is right.
+    A row with the previous row's time but different values is an error: nothing says which of the two is right.
 
     Args:
         columns: `time` (n,) s, optionally `episode`, and signals.
@@ -31,7 +31,7 @@ def cleaned(
         The columns and the numbers of the rows that are kept.
 
     Raises:
-        UserError: two rows of one time with other values.
+        UserError: two rows of one time with different values.
     """
     time = columns["time"]
     if len(time) < 2 or not np.isfinite(time).all():
@@ -39,11 +39,11 @@ def cleaned(
     episode = columns.get("episode", np.zeros(len(time)))
     same = (np.diff(time) == 0) & (np.diff(episode) == 0)
     if same.any():
-        again = same.copy()
+        repeated = same.copy()
         for values in columns.values():
-            again &= (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
-        if (same & ~again).any():
-            row = int(np.flatnonzero(same & ~again)[0]) + 1
+            repeated &= (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
+        if (same & ~repeated).any():
+            row = int(np.flatnonzero(same & ~repeated)[0]) + 1
             raise UserError(
                 "two rows of one time with other values",
                 file=source,
@@ -51,8 +51,8 @@ def cleaned(
                 expected="a time of its own for every reading",
                 got=float(time[row]),
             )
-        keep = np.concatenate([[True], ~again])
-        note(f"{source}: {int(again.sum())} rows that repeat the one before with its time are dropped")
+        keep = np.concatenate([[True], ~repeated])
+        note(f"{source}: {int(repeated.sum())} rows that repeat the one before with its time are dropped")
         columns = {name: values[keep] for name, values in columns.items()}
         numbers = np.asarray(numbers)[keep]
     return _held(_cut(columns, source, numbers), source), numbers
@@ -72,7 +72,7 @@ def counted(episode: np.ndarray | None, rows: int, rate_hz: float, source: Path,
     return index / rate_hz
 
 
-def _cut(columns: dict[str, np.ndarray], source: Path, rows: range | np.ndarray) -> dict[str, np.ndarray]:
+def _cut(columns: dict[str, np.ndarray], source: Path, numbers: range | np.ndarray) -> dict[str, np.ndarray]:
     """Start a new episode wherever the clock steps back within one; what comes before keeps the file's number."""
     time = columns["time"]
     episode = columns.get("episode", np.zeros(len(time)))
@@ -80,13 +80,14 @@ def _cut(columns: dict[str, np.ndarray], source: Path, rows: range | np.ndarray)
     back = np.flatnonzero(inside & (np.diff(time) < 0))
     if not len(back):
         return columns
-    again, begins = np.zeros(len(time), bool), np.concatenate([[True], ~inside])
-    again[back + 1] = True
-    begin = np.maximum.accumulate(np.where(begins | again, np.arange(len(time)), 0))  # row at which the piece begins
-    named = ", ".join(f"by {time[i] - time[i + 1]:.4g} s at row {rows[i + 1]}" for i in back[:NAMED])
+    steps_back, begins = np.zeros(len(time), bool), np.concatenate([[True], ~inside])
+    steps_back[back + 1] = True
+    begins |= steps_back
+    first = np.maximum.accumulate(np.where(begins, np.arange(len(time)), 0))  # row at which the piece begins
+    named = ", ".join(f"by {time[i] - time[i + 1]:.4g} s at row {numbers[i + 1]}" for i in back[:NAMED])
     more = f" and {len(back) - NAMED} times more" if len(back) > NAMED else ""
     note(f"{source}: the clock stepped back {named}{more}: an episode ends there, and the next begins")
-    return columns | {"episode": np.where(again[begin], episode.max() + np.cumsum(again), episode)}
+    return columns | {"episode": np.where(steps_back[first], episode.max() + np.cumsum(steps_back), episode)}
 
 
 def _held(columns: dict[str, np.ndarray], source: Path) -> dict[str, np.ndarray]:
@@ -94,13 +95,13 @@ def _held(columns: dict[str, np.ndarray], source: Path) -> dict[str, np.ndarray]
     time, out, held = columns["time"], dict(columns), 0
     episode = columns.get("episode", np.zeros(len(time)))
     for name, values in columns.items():
-        there = np.isfinite(values)
-        if name.partition(".")[0] not in COMMANDS or there.all() or there.sum() < 2:
+        read = np.isfinite(values)
+        if name.partition(".")[0] not in COMMANDS or read.all() or read.sum() < 2:
             continue
-        usual = np.median(np.diff(np.flatnonzero(there)))
+        usual = np.median(np.diff(np.flatnonzero(read)))
         if usual < 2:
             continue  # commands come with nearly every reading: the rest are missing values, not holds
-        last = np.maximum.accumulate(np.where(there, np.arange(len(values)), -1))
+        last = np.maximum.accumulate(np.where(read, np.arange(len(values)), -1))
         known = (last >= 0) & (np.arange(len(values)) - last <= LONGEST * usual) & (episode[last] == episode)
         out[name] = np.where(known, values[np.maximum(last, 0)], np.nan)
         held += 1

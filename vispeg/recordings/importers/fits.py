@@ -119,8 +119,8 @@ def order_that_fits(rec: Recording, needs: Needs) -> Order | None:
 def _exchanged(n: int, error: Callable[[Sequence[int]], float]) -> tuple[int, ...]:
     """Return an order that no exchange of two or three joints improves."""
     best, least = list(range(n)), error(range(n))
-    for some in (combinations(range(n), 2), combinations(range(n), 2), permutations(range(n), 3)):
-        for places in some:
+    for exchanges in (combinations(range(n), 2), combinations(range(n), 2), permutations(range(n), 3)):
+        for places in exchanges:
             other = best.copy()
             for place, source in zip(places, (*places[1:], places[0]), strict=True):
                 other[place] = best[source]

@@ -134,10 +134,10 @@ def map_from(data: Any, file: Path, joints: Sequence[str]) -> ColumnMap:
         if joint not in names:
             raise UserError("no such joint", file=file, key="joints", got=joint, choices=map(str, names))
     own = _section(recording, "signals", file)  # of user-defined channels
-    every = (*SIGNALS, *map(str, own))
-    targets = ["time", "episode", *every, *(c for s in every for c in columns_of(s, list(map(str, names))))]
+    signals = (*SIGNALS, *map(str, own))
+    targets = ["time", "episode", *signals, *(c for s in signals for c in columns_of(s, list(map(str, names))))]
     columns, rate, motors = {}, None, _motors(_section(data, "motors", file), [str(name) for name in names], file)
-    turned = {*motors, *(motor for terms in motors.values() for motor in terms)}
+    by_motors = {*motors, *(motor for terms in motors.values() for motor in terms)}
     for target, value in data.items():
         if target in OTHER:
             continue
@@ -147,7 +147,7 @@ def map_from(data: Any, file: Path, joints: Sequence[str]) -> ColumnMap:
         if target not in targets:
             raise UserError("is not a column of a recording", file=file, got=target, choices=[*targets, *OTHER])
         joint = target.partition(".")[2]
-        of_motor = joint in turned if joint else bool(turned)
+        of_motor = joint in by_motors if joint else bool(by_motors)
         columns[target] = _source(value, target, file, _own_unit(own, target), of_motor)
     return ColumnMap(file, columns, renamed, recording, _dialect(_section(data, "table", file), file), rate, motors)
 

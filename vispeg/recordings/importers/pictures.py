@@ -15,6 +15,7 @@ from vispeg.recordings.frames.png import write_colour, write_steps
 from vispeg.recordings.recording import Recording
 
 DEPTH_UNIT = 1e-3  # m per step of a 16-bit depth image
+Row = tuple[float, str, int, str, Path]  # time in s, camera, episode, `rgb` or `depth`, file of the picture
 
 
 class Album:
@@ -90,9 +91,6 @@ class Album:
             span = f"{float(rec.time.min()):g} to {float(rec.time.max()):g} s"
             raise UserError("no picture lies within the times of the samples (another clock?)", expected=span)
         return Frames(described, tuple(inside)) if inside else None
-
-
-Row = tuple[float, str, int, str, Path]  # time in s, camera, episode, `rgb` or `depth`, file of the picture
 
 
 def _together(rows: Sequence[Row]) -> list[Row]:

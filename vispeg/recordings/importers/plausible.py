@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from vispeg.core.errors import UserError
 from vispeg.recordings.checks.quality import Limited, Limits
 from vispeg.recordings.checks.timing import within_episode
 from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.importers.fits import Needs
 from vispeg.recordings.importers.mapping import FACTORS, ColumnMap
 from vispeg.recordings.importers.slopes import Doubt, against_speeds, slope
 from vispeg.recordings.recording import Recording
@@ -29,9 +29,6 @@ CARRIED = 0.8  # least correlation of measured and modelled torques for their sc
 RADIANS = math.pi / 180
 
 
-Needs = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # motion (n, nj) rad, rad/s, rad/s^2 -> N m
-
-
 def doubts(rec: Recording, limits: Limits, degrees: bool = False, needs: Needs | None = None) -> list[Doubt]:
     """List what is implausible about a recording's units, the most certain first; empty if all are plausible.
 
@@ -41,7 +38,7 @@ def doubts(rec: Recording, limits: Limits, degrees: bool = False, needs: Needs |
         degrees: whether the angles were said to be in degrees before they became radians.
         needs: torques of the robot's model for a motion of the recording's joints; None where that is not known.
     """
-    rec, inside = _some(rec)
+    rec, inside = _excerpt(rec)
     step = np.diff(rec.time)
     period = float(np.median(step[inside])) if inside.any() else 1.0 / rec.rate_hz
     rate = 1.0 / period
@@ -55,7 +52,7 @@ def doubts(rec: Recording, limits: Limits, degrees: bool = False, needs: Needs |
     return sorted((doubt for doubt in candidates if doubt is not None), key=lambda doubt: not doubt.sure)
 
 
-def _some(rec: Recording) -> tuple[Recording, np.ndarray]:
+def _excerpt(rec: Recording) -> tuple[Recording, np.ndarray]:
     """Take stretches of a long recording that suffice to check units; mark which row steps (n - 1,) lie inside one."""
     n, inside = len(rec.time), within_episode(rec)
     if n <= CHUNKS * CHUNK:
@@ -70,11 +67,11 @@ def _some(rec: Recording) -> tuple[Recording, np.ndarray]:
 def _rate(rate: float) -> Doubt | None:
     if RATES[0] <= rate <= RATES[1]:
         return None
-    said = f"{rate:.4g} samples a second"
+    said, per_second = f"{rate:.4g} samples a second", (("ms", 1e3), ("us", 1e6), ("ns", 1e9))
     if rate < RATES[0]:
-        likely = next((u for u, f in (("ms", 1e3), ("us", 1e6), ("ns", 1e9)) if RATES[0] <= rate * f <= RATES[1]), "")
+        likely = next((unit for unit, count in per_second if RATES[0] <= rate * count <= RATES[1]), "")
         return Doubt("time", f"{said}: too few for a motion", f"{likely} where s was taken" if likely else "")
-    likely = next((u for u, f in (("ms", 1e3), ("us", 1e6), ("ns", 1e9)) if RATES[0] <= rate / f <= RATES[1]), "")
+    likely = next((unit for unit, count in per_second if RATES[0] <= rate / count <= RATES[1]), "")
     return Doubt("time", f"{said}: more than any arm logs", f"s where {likely} was taken" if likely else "")
 
 
@@ -172,11 +169,12 @@ def refuse_units(
         return
     angles = [origin for target, origin in mapping.columns.items() if target.partition(".")[0] == "q"]
     stated_in_degrees = any(abs(origin.factor) == FACTORS["deg"] for origin in angles)
-    said = [d for d in doubts(rec, Limits.of(robot, rec.joints), stated_in_degrees, needs) if not d.scale]
-    if not said:
+    found = [d for d in doubts(rec, Limits.of(robot, rec.joints), stated_in_degrees, needs) if not d.scale]
+    if not found:
         return
-    likely = list(dict.fromkeys(doubt.likely for doubt in said if doubt.likely))
+    likely = list(dict.fromkeys(doubt.likely for doubt in found if doubt.likely))
     unit = f" (likely {' or '.join(likely)})" if likely else ""
-    motors = ", motors: in a map if angles are the motors'" if "q" in said[0].key.replace(".", ", ").split(", ") else ""
+    signals = [column.partition(".")[0] for column in found[0].key.split(", ")]
+    motors = ", motors: in a map if angles are the motors'" if "q" in signals else ""
     expected = f"the right unit in {stated}{unit}{motors}, or --insist"
-    raise UserError(f"a unit cannot be true: {said[0].said}", file=file, key=said[0].key, expected=expected)
+    raise UserError(f"a unit cannot be true: {found[0].said}", file=file, key=found[0].key, expected=expected)

@@ -65,7 +65,7 @@ def ratios(rec: Recording, needs: Needs, joints: Sequence[int]) -> dict[int, Rat
         return {}
     (q, dq, ddq), tau = found
     spread = np.std(tau, axis=0)
-    heard = spread > 0
+    varies = spread > 0
     constant = np.ones(len(q))
     others = []
     for j in range(q.shape[1]):
@@ -73,18 +73,18 @@ def ratios(rec: Recording, needs: Needs, joints: Sequence[int]) -> dict[int, Rat
         others.append(np.linalg.qr(np.stack([constant, dq[:, j] / top, np.tanh(dq[:, j] / (SPEEDS * top))], 1))[0])
 
     def fit(factor: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return per joint (nj,): squared residual, variance left after friction alone, and slope."""
+        """Return per joint (nj,): squared residual, that after friction alone, and slope."""
         needed = needs(q * factor, dq * factor, ddq * factor)
-        left, all_, slope = np.zeros(len(factor)), np.zeros(len(factor)), np.zeros(len(factor))
-        for j in np.flatnonzero(heard):
+        residual, total, slope = np.zeros(len(factor)), np.zeros(len(factor)), np.zeros(len(factor))
+        for j in np.flatnonzero(varies):
             x, y = (v - others[j] @ (others[j].T @ v) for v in (needed[:, j], tau[:, j]))
             slope[j] = float(x @ y) / max(float(x @ x), 1e-300)
-            all_[j], left[j] = float(y @ y), float(y @ y) - slope[j] * float(x @ y)
-        return left, all_, slope
+            total[j], residual[j] = float(y @ y), float(y @ y) - slope[j] * float(x @ y)
+        return residual, total, slope
 
     def cost(factor: np.ndarray) -> float:
-        left, all_, _ = fit(factor)
-        return float(np.sum(left[heard] / np.maximum(all_[heard], 1e-300)))
+        residual, total, _ = fit(factor)
+        return float(np.sum(residual[varies] / np.maximum(total[varies], 1e-300)))
 
     grid = np.geomspace(LEAST, MOST, STEPS)
     factor = np.ones(q.shape[1])
@@ -103,32 +103,36 @@ def ratios(rec: Recording, needs: Needs, joints: Sequence[int]) -> dict[int, Rat
 
     def unlikely(factor: np.ndarray) -> float:
         """Return twice the negative log likelihood, counting only independent readings."""
-        return free * float(np.sum(np.log(fit(factor)[0][heard] + floor[heard])))
+        return free * float(np.sum(np.log(fit(factor)[0][varies] + floor[varies])))
 
     def polished(start: np.ndarray, as_one: bool) -> np.ndarray:
         """Return the best factors near a start: one per joint, or with `as_one` a common one."""
-        shape = (lambda v: at([*joints], float(np.exp(v[0])))) if as_one else lambda v: _with(start, joints, np.exp(v))
+
+        def factors(log: np.ndarray) -> np.ndarray:
+            return at([*joints], float(np.exp(log[0]))) if as_one else _with(start, joints, np.exp(log))
+
         first = np.log(start[[*joints]])
         first = first[:1] if as_one else first
         options = {"xatol": 1e-4, "fatol": 1e-3, "maxfev": 120 * len(first)}
-        return shape(optimize.minimize(lambda v: unlikely(shape(v)), first, method="Nelder-Mead", options=options).x)
+        found = optimize.minimize(lambda log: unlikely(factors(log)), first, method="Nelder-Mead", options=options)
+        return factors(found.x)
 
     factor = polished(factor, False)
     middle = at([*joints], float(np.exp(np.median(np.log(factor[[*joints]])))))
-    one = polished(middle, True)
-    alike = len(joints) > 1 and unlikely(one) - unlikely(factor) < stats.chi2.ppf(0.95, len(joints) - 1)
-    factor = one if alike else factor  # equal gears share one ratio, which is known more precisely
-    left, all_, slope = fit(factor)
-    explained = 1 - left / np.maximum(all_, 1e-300)
-    best, most = unlikely(factor), stats.f.ppf(0.95, 1, free)
+    common = polished(middle, True)
+    equal = len(joints) > 1 and unlikely(common) - unlikely(factor) < stats.chi2.ppf(0.95, len(joints) - 1)
+    factor = common if equal else factor  # equal gears share one ratio, which is known more precisely
+    residual, total, slope = fit(factor)
+    explained = 1 - residual / np.maximum(total, 1e-300)
+    best, margin = unlikely(factor), stats.f.ppf(0.95, 1, free)
     out = {}
     for j in joints:
-        if not heard[j] or explained[j] < EXPLAINED:
+        if not varies[j] or explained[j] < EXPLAINED:
             continue
-        group = [*joints] if alike else j
+        group = [*joints] if equal else j
 
         def beyond(log: float, group: int | list[int] = group) -> float:
-            return unlikely(at(group, float(np.exp(log)))) - best - most
+            return unlikely(at(group, float(np.exp(log)))) - best - margin
 
         ends = [_end(beyond, float(np.log(factor[j])), way) for way in (-1, 1)]
         out[j] = Ratio(float(factor[j]), float(np.exp(ends[0])), float(np.exp(ends[1])), float(slope[j]))

@@ -140,18 +140,18 @@ def _joint_states(
     all_names: set[str] = set()
 
     def row(message: Any) -> np.ndarray | None:
-        heard = tuple(message.name)
-        if heard not in places:
-            all_names.update(heard)
-            pairs = [(j, heard.index(name)) for j, name in enumerate(wanted) if name in heard]
-            places[heard] = ([j for j, _ in pairs], [k for _, k in pairs])
-        ours, theirs = places[heard]
+        sent = tuple(message.name)
+        if sent not in places:
+            all_names.update(sent)
+            pairs = [(j, sent.index(name)) for j, name in enumerate(wanted) if name in sent]
+            places[sent] = ([j for j, _ in pairs], [k for _, k in pairs])
+        ours, theirs = places[sent]
         if not ours:
             return None  # a message about other joints, such as a gripper's, on the same topic
         out = np.full((3, len(wanted)), np.nan)
         for line, field in zip(out, FIELDS, strict=True):
             values = np.asarray(getattr(message, field), float)
-            if len(values) == len(heard):
+            if len(values) == len(sent):
                 line[ours] = values[theirs]
         return out.ravel()
 
@@ -172,6 +172,7 @@ def _rows(
     source: Path,
     allow_none: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
+    """Read times (n,) ns, header stamps or else bag times, and the values that `row` makes of each message, (n, k)."""
     stamps, bag_times, rows = [], [], []
     for stamp, at, message in messages(reader, topic, kind, source):
         values = row(message)

@@ -50,8 +50,10 @@ class Doubt:
 def slope(x: np.ndarray, y: np.ndarray, least: float = 0.7) -> float | None:
     """Return the least-squares slope of y over x, all columns together; None if they hardly move or correlate."""
     good = np.isfinite(x) & np.isfinite(y)
-    a, b = x[good] - x[good].mean() if good.any() else x[good], y[good] - y[good].mean() if good.any() else y[good]
-    if len(a) < 10 or not (a @ a > 0 and b @ b > 0):
+    if np.count_nonzero(good) < 10:
+        return None
+    a, b = x[good] - x[good].mean(), y[good] - y[good].mean()
+    if not (a @ a > 0 and b @ b > 0):
         return None
     together = float(a @ b) / math.sqrt(float(a @ a) * float(b @ b))
     return float(a @ b) / float(a @ a) if together > least else None
@@ -98,5 +100,5 @@ def _ratio(q: np.ndarray, dq: np.ndarray, step: np.ndarray, lag: int) -> float |
     change, summed = q[lag:] - q[:-lag], path[lag:] - path[:-lag]
     summed[lost[lag:] != lost[:-lag]] = np.nan
     ahead = slope(change, summed, TOGETHER)
-    back = slope(-change, summed, TOGETHER)
+    back = slope(-change, summed, TOGETHER)  # `slope` knows no negative one
     return ahead if back is None else -back

@@ -87,27 +87,27 @@ def _folder(folder: Path, files: Sequence[Path], reading: Reading) -> Table:
         return replace(_file(files[0], reading), file=folder)
     tables = [_file(file, whole) for file in files]
     check_rows(sum(table.rows for table in tables), folder)
-    said = [SIGNAL.search(table.file.stem) for table in tables]
-    signals = all(said) and len({match[0].lower() for match in said if match}) > 1  # one file per signal
-    alike = not signals and all(table.names == tables[0].names for table in tables)
-    columns = _episodes(tables) if alike else _joined(folder, tables)
-    text, mixed = _texts(tables, alike)
+    matches = [SIGNAL.search(table.file.stem) for table in tables]
+    by_signal = all(matches) and len({match[0].lower() for match in matches if match}) > 1  # one file per signal
+    same_columns = not by_signal and all(table.names == tables[0].names for table in tables)
+    columns = _episodes(tables) if same_columns else _joined(folder, tables)
+    text, mixed = _texts(tables, same_columns)
     names = list(columns)
     rows = len(next(iter(columns.values()), ()))
     kept = {name: columns[name] for name in reading.retained(names) if name in columns}
-    dates = frozenset(name if alike else _key(table, name) for table in tables for name in table.dates)
+    dates = frozenset(name if same_columns else _key(table, name) for table in tables for name in table.dates)
     return Table(folder, kept, [*names, *text], rows, range(rows), text, mixed=mixed, dates=dates)
 
 
-def _texts(tables: Sequence[Table], alike: bool) -> tuple[dict[str, tuple[int, str]], frozenset[str]]:
-    """Return `text` and `mixed` of a folder's tables together; mixed cells are told with their file."""
+def _texts(tables: Sequence[Table], same_columns: bool) -> tuple[dict[str, tuple[int, str]], frozenset[str]]:
+    """Return `text` and `mixed` of a folder's tables together; mixed cells are stated with their file."""
     text: dict[str, tuple[int, str]] = {}
     numbers: set[str] = set()
     for table in tables:
-        numbers |= {name if alike else _key(table, name) for name in (*table.mixed, *table.columns)}
+        numbers |= {name if same_columns else _key(table, name) for name in (*table.mixed, *table.columns)}
     for table in tables:
         for name, (row, cell) in table.text.items():
-            key = name if alike else _key(table, name)
+            key = name if same_columns else _key(table, name)
             text.setdefault(key, (row, f"{cell} ({table.file.name})" if key in numbers else cell))
     return text, frozenset(numbers & {*text})
 
@@ -133,7 +133,7 @@ def _joined(folder: Path, tables: Sequence[Table]) -> dict[str, np.ndarray]:
     that table steps back, the next run begins in every table. Column names get the file's name as a prefix.
 
     Raises:
-        UserError: a table without samples or without a time, times that do not overlap, or other numbers of runs.
+        UserError: a table without samples or without a time, times that do not overlap, or different numbers of runs.
     """
     clocks = []
     for table in tables:

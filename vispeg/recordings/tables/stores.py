@@ -30,8 +30,6 @@ MOST_TEXT = 256_000_000  # bytes of JSON
 def read_store(file: Path, reading: Reading) -> Table:
     """Read a file of arrays as a table. Raises UserError: damaged, or without arrays of samples."""
     arrays = READERS[file.suffix.lower()](file)
-    if file.suffix.lower() == ".npy" and reading.dialect.names:
-        arrays = {"": arrays[""]} if "" in arrays else arrays
     columns = columns_from(arrays, file)
     if reading.dialect.names and "" in arrays:
         if len(reading.dialect.names) != len(columns):
@@ -47,7 +45,7 @@ def read_store(file: Path, reading: Reading) -> Table:
 
 def columns_from(arrays: Mapping[str, np.ndarray], file: Path) -> dict[str, np.ndarray]:
     """Make columns (n,) from arrays by path, with episodes concatenated. Raises UserError: no array of samples."""
-    groups: dict[int, dict[str, np.ndarray]] = {}
+    groups: dict[int, dict[str, np.ndarray]] = {}  # by episode, -1 for none
     for path, array in arrays.items():
         number, parts = -1, []
         for part in path.split("/"):
@@ -57,9 +55,8 @@ def columns_from(arrays: Mapping[str, np.ndarray], file: Path) -> dict[str, np.n
             else:
                 parts.append(part)
         groups.setdefault(number, {})["/".join(parts)] = array
-    shared = groups.pop(-1, {}) if len(groups) > 1 else {}
-    if not groups:
-        groups = {-1: shared}
+    if len(groups) > 1:
+        groups.pop(-1, None)  # arrays outside the episodes
     blocks = {number: _columns(group) for number, group in sorted(groups.items())}
     blocks = {number: block for number, block in blocks.items() if block}
     if not blocks:

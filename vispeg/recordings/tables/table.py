@@ -113,8 +113,8 @@ class Reading:
         return self.most_rows is not None and rows >= self.most_rows
 
 
-def _in_order(names: list[str], some: Collection[str]) -> list[str]:
-    chosen = set(some)
+def _in_order(names: list[str], selected: Collection[str]) -> list[str]:
+    chosen = set(selected)
     return [name for name in names if name in chosen]
 
 

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import datetime
+from itertools import count
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -35,9 +36,9 @@ from vispeg.recordings.tables.table import (
 )
 
 BLOCK = 1 << 22  # bytes
-MAX_LINE = 1 << 20
-RUNS = re.compile(rb"[ \t\r\n]+")
-TOLD = re.compile(r'"?sep=([^\w.+"-])"?', re.IGNORECASE)  # first line of a table that Excel is to open
+MAX_LINE = 1 << 20  # bytes
+BLANKS = re.compile(rb"[ \t\r\n]+")
+SEPARATOR_LINE = re.compile(r'"?sep=([^\w.+"-])"?', re.IGNORECASE)  # first line of a table that Excel is to open
 COMMENT, MOST_COMMENTS = "#%", 1000
 
 
@@ -87,14 +88,15 @@ def _head(stream: BinaryIO, file: Path, dialect: Dialect) -> Head:
             raise UserError("has no header line", file=file, expected=f"one after {MOST_COMMENTS} comments at most")
         line = _line(stream, file, len(before) + offset)
     first = split_cells(line, dialect)
-    said = [i for i, text in enumerate(before) if text.strip()]
-    told = uncommented(before[said[-1]], dialect) if said else []
+    filled = [i for i, text in enumerate(before) if text.strip()]
+    last_comment = uncommented(before[filled[-1]], dialect) if filled else []
     numeric = [
         as_float(cell.replace(dialect.decimal, ".")) is not None or as_seconds(cell) is not None for cell in first
     ]
-    if told and len(told) == len(first) > 1 and any(numeric):  # np.savetxt, gnuplot, rostopic: the header is a comment
-        names, lines, sample = told, len(before), first
-        before = [text for i, text in enumerate(before) if i != said[-1]]
+    if last_comment and len(last_comment) == len(first) > 1 and any(numeric):
+        # np.savetxt, gnuplot, rostopic: the header is a comment
+        names, lines, sample = last_comment, len(before), first
+        before = [text for i, text in enumerate(before) if i != filled[-1]]
     elif all(numeric):
         names, lines = list(dialect.names) or [str(k + 1) for k in range(len(first))], len(before)
         sample = first
@@ -115,8 +117,8 @@ def _head(stream: BinaryIO, file: Path, dialect: Dialect) -> Head:
 
 def told_separator(line: str) -> str:
     """Return the separator that a table's first line states as Excel does (`sep=;`); empty if it is no such line."""
-    told = TOLD.fullmatch(line.rstrip("\r\n"))
-    return told[1] if told else ""
+    match = SEPARATOR_LINE.fullmatch(line.rstrip("\r\n"))
+    return match[1] if match else ""
 
 
 def _is_date(cell: str) -> bool:
@@ -190,7 +192,7 @@ class _Limited(io.RawIOBase):
             solid = data.rstrip(b" \t\r\n" if self._blanks else b" \r\n")
             if solid:
                 self._ready, self._held = self._held + solid, data[len(solid) :]
-                self._ready = RUNS.sub(_one, self._ready) if self._blanks else self._ready
+                self._ready = BLANKS.sub(_one_blank, self._ready) if self._blanks else self._ready
             else:
                 self._held += data
         n = min(len(buffer), len(self._ready))
@@ -267,7 +269,7 @@ def _samples(file: Path, head: Head) -> Iterator[tuple[io.BufferedReader, _Lines
         yield io.BufferedReader(lines, 1 << 18), lines, limited.raw
 
 
-def _one(run: re.Match[bytes]) -> bytes:
+def _one_blank(run: re.Match[bytes]) -> bytes:
     """Replace a run of blanks by a line end if it contains one, else by one blank."""
     return b"\n" * run[0].count(b"\n") or b" "
 
@@ -299,8 +301,8 @@ def _all_numbers(file: Path, head: Head, wanted: list[str], reading: Reading) ->
 
     names = head.names
     collected, size = Columns(reading.retained(names)), max(os.stat(file).st_size, 1)
-    kinds = {True: pa.timestamp("ns", "UTC"), False: pa.timestamp("ns"), None: pa.time64("ns")}
-    types = {name: kinds[head.dates[name]] if name in head.dates else pa.float64() for name in wanted}
+    date_types = {True: pa.timestamp("ns", "UTC"), False: pa.timestamp("ns"), None: pa.time64("ns")}
+    types = {name: date_types[head.dates[name]] if name in head.dates else pa.float64() for name in wanted}
     convert = arrow.ConvertOptions(
         column_types=types,
         include_columns=wanted,
@@ -343,10 +345,10 @@ def _cell_by_cell(file: Path, head: Head, wanted: list[str], reading: Reading) -
     point = reading.dialect.decimal
     rows = 0
     with _samples(file, head) as (stream, lines, _):
-        texts = (_line(stream, file, lines.number(n) - 1) for n in range(1 << 62))
+        texts = (_line(stream, file, lines.number(n) - 1) for n in count())
         try:
             for row in csv.reader(_until_empty(texts), delimiter=reading.dialect.separator):
-                cells = row or [""]  # of one column
+                cells = row or [""]  # an empty line of a one-column table
                 if len(cells) != len(names):
                     raise _torn(file, lines.number(rows), cells, names)
                 for i, column in columns.items():

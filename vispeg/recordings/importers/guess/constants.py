@@ -79,7 +79,7 @@ def stated(texts: Sequence[str], joints: Sequence[str]) -> dict[str, Constant]:
         name = texts[0]
         arm = published()["arms"].get(name.lower())
         if arm is None:
-            return {joint: _one(name) for joint in joints}
+            return {joint: _constant(name) for joint in joints}
         known = of_arm(name, joints)
         if known or len(arm["motor"]) != len(joints):
             return known or _refuse_arm(name, arm, joints)
@@ -91,11 +91,11 @@ def stated(texts: Sequence[str], joints: Sequence[str]) -> dict[str, Constant]:
             if not equals or joint not in joints or joint in out:
                 said = "is stated twice" if joint in out else "is no joint of the robot"
                 raise UserError(said, key=KEY, got=text, expected="JOINT=NUMBER", choices=list(joints))
-            out[joint] = _one(value)
+            out[joint] = _constant(value)
         return out
     if len(texts) != len(joints):
         raise UserError("not a number a joint", key=KEY, expected=f"{len(joints)} numbers", got=len(texts))
-    return {joint: _one(text) for joint, text in zip(joints, texts, strict=True)}
+    return {joint: _constant(text) for joint, text in zip(joints, texts, strict=True)}
 
 
 def _refuse_arm(name: str, arm: Mapping[str, Any], joints: Sequence[str]) -> Any:
@@ -103,7 +103,7 @@ def _refuse_arm(name: str, arm: Mapping[str, Any], joints: Sequence[str]) -> Any
     raise UserError(f"{name}'s constants are of other joints", key=KEY, expected=expected, got=", ".join(joints))
 
 
-def _one(text: str) -> Constant:
+def _constant(text: str) -> Constant:
     if _is_number(text):
         if not 1e-4 <= float(text) <= 1e4:
             raise UserError("no torque constant", key=KEY, expected="0.0001 to 10000 N m/A", got=text)

@@ -133,16 +133,16 @@ def _apply(out: Proposal, table: Table, joint: str, ratio: Ratio) -> None:
         if _of_motor(table, out, angle, columns[signal], value):
             motor.add(signal)
     size = abs(ratio.torque)
-    torque = not out.current and 1 / TORQUE < size / value < TORQUE
-    own = not out.current and 1 / TORQUE < size < TORQUE and abs(math.log(size)) < abs(math.log(size / value))
+    motor_torque = not out.current and 1 / TORQUE < size / value < TORQUE
+    joint_torque = not out.current and 1 / TORQUE < size < TORQUE and abs(math.log(size)) < abs(math.log(size / value))
     angles = {"q", "dq", "q_cmd", "dq_cmd"} & set(columns)
-    if torque and not own and motor == angles:
+    if motor_torque and not joint_torque and motor == angles:
         out.motors[joint] = text
         return
     said = f"its motor's side: {text} ({1 / ratio.high:.4g} to {1 / ratio.low:.4g})"
     for place, line in enumerate(out.lines):
         signal, _, name = line.target.partition(".")
-        if name != joint or (signal not in motor and not (signal == "tau" and torque and not own)):
+        if name != joint or (signal not in motor and not (signal == "tau" and motor_torque and not joint_torque)):
             continue
         factor = value if signal in motor else 1 / value
         out.lines[place] = replace(

@@ -126,10 +126,10 @@ def _unit(name: str, quantity: str, joints: Sequence[str]) -> tuple[str, str]:
     return m.unit, bare(name) if m.unit else name
 
 
-def _place(some: Sequence[str], words: Sequence[str]) -> int | None:
-    """Return where words stand one after the other in others; None if they do not."""
-    n = len(some)
-    return next((i for i in range(len(words) - n + 1) if [*words[i : i + n]] == [*some]), None)
+def _place(part: Sequence[str], words: Sequence[str]) -> int | None:
+    """Return the index in `words` at which the words of `part` stand in sequence; None if they do not."""
+    n = len(part)
+    return next((i for i in range(len(words) - n + 1) if [*words[i : i + n]] == [*part]), None)
 
 
 def _numbered(angles: Mapping[str, str], named: Sequence[str], count: int) -> list[str]:

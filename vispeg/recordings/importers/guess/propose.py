@@ -35,8 +35,7 @@ NAMES = {"q": "measured angle", "dq": "measured speed", "tau": "measured torque"
 SECONDS, NANOS = ("s", "sec", "secs", "seconds"), ("ns", "nsec", "nsecs", "nanosec", "nanos", "nanoseconds")
 SIGNALS = ("q", "dq", "tau")  # quantities that are read, measured or commanded
 SHOWN = 8  # numbers shown of a row
-# signals in the order of the map's lines
-ORDER = ("q", "dq", "tau", "tau_cmd", "q_cmd", "dq_cmd")
+ORDER = ("q", "dq", "tau", "tau_cmd", "q_cmd", "dq_cmd")  # of the map's lines
 
 
 @dataclass(frozen=True)
@@ -146,11 +145,11 @@ def propose(
     for m in meanings:
         if m.name in table.mixed and m.quantity in (*SIGNALS, "time", "episode"):
             table.number(m.name)  # raises: its cells that are not numbers are no reason to do without the others
-    there = [m for m in meanings if m.name in table.columns]
-    groups = _groups([m for m in there if m.quantity in SIGNALS])
+    numeric = [m for m in meanings if m.name in table.columns]
+    groups = _groups([m for m in numeric if m.quantity in SIGNALS])
     chosen = _chosen(groups, out)
     if "tau" not in chosen:
-        currents = _groups([m for m in there if m.quantity == "current"])
+        currents = _groups([m for m in numeric if m.quantity == "current"])
         measured = [group for (_, commanded, _), group in currents.items() if not commanded]
         if measured:
             chosen["tau"], out.current = max(measured, key=len), True
@@ -160,7 +159,7 @@ def propose(
         expected = "names such as q1, position_0, joint1.pos, actual_q_0; for others, write a map"
         raise UserError("no columns look like measured angles", file=table.file, expected=expected, choices=table.names)
     out.joints = [joint for joint in joints if joint in placed["q"]]
-    if "q_cmd" not in placed and (goals := _goals(table, there, placed["q"], joints, order)):
+    if "q_cmd" not in placed and (goals := _goals(table, numeric, placed["q"], joints, order)):
         placed["q_cmd"] = goals
     for signal in [s for s in placed if s != "q"]:
         if set(placed[signal]) != set(out.joints):
@@ -184,10 +183,10 @@ def propose(
     time = _time(table, meanings, stacks, units, selected, speeds.get("dq", ()), out, rate_hz)
     out.lines.append(time)
     clock = seconds(table, time)
-    for signal, some in speeds.items():
+    for signal, possible in speeds.items():
         angle = "q_cmd" if signal == "dq_cmd" and "q_cmd" in placed else "q"
         q = stacks[angle] * FACTORS[units[angle][0]]
-        units[signal] = values.speed_unit(clock, q, stacks[signal], units[signal], some)
+        units[signal] = values.speed_unit(clock, q, stacks[signal], units[signal], possible)
     episode = next((m.name for m in meanings if m.quantity == "episode" and m.name in table.columns), None)
     if episode is not None and values.all_integers(table.columns[episode]):
         out.lines.append(Line("episode", episode, "", "its name says that it counts runs", "stated"))
@@ -198,7 +197,7 @@ def propose(
             low, high = values.span(table.columns[m.name])
             called = m.said if " " in m.said else f"{m.said!r}{' of ' + repr(m.label) if m.label else ''}"
             words = f"{NAMES[signal]}: {called}, {low:.4g} to {high:.4g}"
-            reason, scale = (why, 1.0) if tick is None or unit != "tick" else (_said(tick), tick.scale)
+            reason, scale = (why, 1.0) if tick is None or unit != "tick" else (_tick_reason(tick), tick.scale)
             gripper = unit == "tick" and tick is not None and tick.full == 100 and np.isfinite(low_end)
             offset = float(f"{low_end:.6g}") if gripper else 0.0
             out.lines.append(
@@ -250,7 +249,7 @@ def own_names(meanings: list[Meaning], joints: Sequence[str], table: Table) -> l
     short = {"_".join(word for word in split(joint) if word not in FILL): joint for joint in joints}
     own = full | {label: joint for label, joint in short.items() if label and not label.isdigit()}
     words = {m.name: split(bare(m.name)) for m in meanings if not m.quantity}
-    found = {name: own[key] for name, some in words.items() if (key := "_".join(some)) in own}
+    found = {name: own[key] for name, parts in words.items() if (key := "_".join(parts)) in own}
     if len(set(found.values())) < min(2, len(joints)):
         return meanings
     stems = {_unnumbered(words[name]) for name in found if any(word.isdigit() for word in words[name])}
@@ -292,7 +291,7 @@ def _ticks(
     return ticks
 
 
-def _said(tick: Decoded) -> str:
+def _tick_reason(tick: Decoded) -> str:
     unit = "per cent" if tick.full == 100 else "-100 to 100"
     if not tick.values:
         return f"{unit} of {tick.span} encoder ticks, as its calibration says"
@@ -442,8 +441,8 @@ def _others(group: list[Meaning], named: Mapping[str, list[Meaning]], signal: st
     placed = {m.name for columns in named.values() for m in columns}
     out.unused |= {m.name: "of no joint of this robot" for m in group if m.name not in placed}
     if rivals:
-        some, first = next(iter(rivals.items()))
-        out.doubts.append(f"several columns are the {NAMES[signal]} of one joint: {first} and its like, not {some}")
+        other, first = next(iter(rivals.items()))
+        out.doubts.append(f"several columns are the {NAMES[signal]} of one joint: {first} and its like, not {other}")
 
 
 def _by_name(group: list[Meaning], joints: Sequence[str]) -> dict[str, list[Meaning]]:

@@ -87,7 +87,7 @@ def guess(
     def proposed(order: Sequence[int] | None = None) -> Proposal:
         return propose(table, joints, limits, dialect, labels, order=order, rate_hz=rate_hz, calibration=ranges)
 
-    most = dict(zip(joints, limits.torque.tolist(), strict=True))
+    torque_limits = dict(zip(joints, limits.torque.tolist(), strict=True))
     out = proposed()
     if constants and "tau" not in out.signals():
         raise UserError("no column looks like a current", file=source, key=KEY, got=", ".join(constants))
@@ -95,7 +95,7 @@ def guess(
     rec = _tried(out, table, source, joints, limits)
     needs = None if rec is None else needs_of(rec)
     if rec is None or needs is None:
-        if not _by_constants(out, rec, None, constants, known, most):
+        if not _by_constants(out, rec, None, constants, known, torque_limits):
             _without_current(out)
     else:
         if out.assumed and rec.tau is not None and not out.current:
@@ -110,7 +110,7 @@ def guess(
                 )
                 rec = rec if mended is None else mended
         found = None if rec.tau is None else scales(rec, needs)
-        if not _by_constants(out, rec, found, constants, known, most):
+        if not _by_constants(out, rec, found, constants, known, torque_limits):
             _scaled(out, found)
     own_signals(out, table, joints, labels)
     return out
@@ -142,7 +142,7 @@ def _by_constants(
     found: Scales | None,
     stated: Mapping[str, Constant] | None,
     known: Mapping[str, Constant] | None,
-    most: Mapping[str, float],
+    torque_limits: Mapping[str, float],
 ) -> bool:
     """Convert currents to torques by torque constants; False if no constant is known or the readings are not currents.
 
@@ -158,15 +158,15 @@ def _by_constants(
     ratio = float(np.nanmedian(np.abs(fitted) / values)) if np.isfinite(fitted).any() else math.nan
     unit = min(("A", "mA"), key=lambda u: abs(math.log(ratio / FACTORS[u]))) if ratio > 0 else ""
     agree = bool(unit) and 1 / AGREE < ratio / FACTORS[unit] < AGREE
-    called = out.current or bool(stated)
-    if not (called or (agree and found is not None and found.foreign)):
+    named = out.current or bool(stated)
+    if not (named or (agree and found is not None and found.foreign)):
         return False
     if out.ampere:
         unit, why = out.ampere, f"the name says {out.ampere}"
     elif agree:
         why = f"in {unit} the model's torques agree"
     else:
-        share = np.nanmax(np.abs(rec.tau[:, places]) * values, axis=0) / [most[joint] for joint in joints]
+        share = np.nanmax(np.abs(rec.tau[:, places]) * values, axis=0) / [torque_limits[joint] for joint in joints]
         unit = "mA" if np.isfinite(share).any() and np.nanmax(share) > BEYOND else "A"
         why = f"{unit} is taken"
         out.doubts.append(f"currents: no name states their unit, and this motion does not tell it: {unit} is taken")
@@ -191,15 +191,15 @@ def _by_constants(
     if not stated:
         out.doubts.append(f"torque constants as published for this arm; {KEY} states those of your own")
     if found is not None and np.isfinite(fitted).any():
-        beside = [
-            f"{joint} {own / FACTORS[unit]:.3g} +- {sigma / scale**2 / FACTORS[unit]:.1g} for {value:.4g}"
-            for joint, own, value, sigma, scale in zip(
+        compared = [
+            f"{joint} {constant / FACTORS[unit]:.3g} +- {sigma / scale**2 / FACTORS[unit]:.1g} for {value:.4g}"
+            for joint, constant, value, sigma, scale in zip(
                 joints, fitted, values, found.sigma[places], found.scale[places], strict=True
             )
-            if np.isfinite(own)
+            if np.isfinite(constant)
         ]
         odd = "" if 1 / AGREE < ratio / FACTORS[unit] < AGREE else ": they do not agree, look at unit and constants"
-        out.doubts.append(f"N m/A by this motion and the model's masses: {', '.join(beside)}{odd}")
+        out.doubts.append(f"N m/A by this motion and the model's masses: {', '.join(compared)}{odd}")
     return True
 
 
@@ -288,7 +288,8 @@ def dialect_of(file: Path, names: tuple[str, ...] = ()) -> Dialect:
                 line = raw.decode().rstrip("\r\n")
                 if first and (told := told_separator(line)):
                     continue
-                comments += (comment := line.lstrip()[:1] in COMMENT and not lines)
+                comment = not lines and line.lstrip()[:1] in COMMENT  # an empty line counts as one
+                comments += comment
                 if line.strip() and not comment:
                     lines.append(line)
                 first = False

@@ -56,11 +56,11 @@ def span_of(values: np.ndarray, full: float) -> int | None:
         return None
     share = (distinct - distinct[0]) / full
     spans = np.arange(LEAST_RANGE, TICKS + 1)
-    for some in np.array_split(spans, 16):
-        ticks = share[:, None] * some
+    for part in np.array_split(spans, 16):
+        ticks = share[:, None] * part
         good = np.flatnonzero(np.abs(ticks - np.round(ticks)).max(axis=0) < NEAR)
         if len(good):
-            return int(some[good[0]])
+            return int(part[good[0]])
     return None
 
 
@@ -84,14 +84,14 @@ def decoded(
     fulls = [100 if GRIPPERS & set(_words(name)) and np.nanmin(column) >= -0.5 else 200
              for name, column in zip(names, stack.T, strict=True)]  # fmt: skip
     found = [span_of(column, full) for column, full in zip(stack.T, fulls, strict=True)]
-    told = [None if calibration is None else _told(name, calibration) for name in names]
+    calibrated = [None if calibration is None else _calibrated(name, calibration) for name in names]
     steps = {round(full / span, 9) for span, full in zip(found, fulls, strict=True) if span is not None}
-    if not any(told) and (not steps or len(steps) == 1 and sum(span is not None for span in found) > 1):
+    if not any(calibrated) and (not steps or len(steps) == 1 and sum(span is not None for span in found) > 1):
         return none
-    if not any(told) and all(_decimal(step) for step in steps):
+    if not any(calibrated) and all(_decimal(step) for step in steps):
         return none
     out = none
-    for j, (span, full, stated) in enumerate(zip(found, fulls, told, strict=True)):
+    for j, (span, full, stated) in enumerate(zip(found, fulls, calibrated, strict=True)):
         distinct = len(np.unique(stack[:, j]))
         if stated is not None and (span is None or stated % span == 0):
             out[j] = Decoded(stated, full, True, distinct if span is not None else 0)
@@ -135,7 +135,7 @@ def calibration_beside(source: Path) -> Path | None:
     )
 
 
-def _told(name: str, calibration: Mapping[str, int]) -> int | None:
+def _calibrated(name: str, calibration: Mapping[str, int]) -> int | None:
     """Return the calibrated range of the motor whose name matches a column's label or joint; None without a match."""
     called = {"_".join(word for word in _words(part) if word != "joint") for part in name.split(" ")}
     return next((span for key, span in calibration.items() if "_".join(_words(key)) in called), None)

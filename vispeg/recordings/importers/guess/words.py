@@ -9,7 +9,7 @@ import yaml
 from vispeg.recordings.importers.guess.propose import Line, Proposal
 from vispeg.recordings.tables.table import Dialect
 
-MANY = 12  # unused columns that are listed individually
+MOST_UNUSED = 12  # unused columns that are listed individually
 
 
 def data(proposal: Proposal) -> dict[str, object]:
@@ -52,9 +52,9 @@ def text(proposal: Proposal) -> str:
     lines += [f"# {row}" for row in proposal.rows]
     lines += [f"# look at: {doubt}" for doubt in proposal.doubts]
     unused = list(proposal.unused.items())
-    lines += [f"# not used: {name} ({reason})" for name, reason in unused[:MANY]]
-    if len(unused) > MANY:
-        lines.append(f"# not used: {len(unused) - MANY} more columns")
+    lines += [f"# not used: {name} ({reason})" for name, reason in unused[:MOST_UNUSED]]
+    if len(unused) > MOST_UNUSED:
+        lines.append(f"# not used: {len(unused) - MOST_UNUSED} more columns")
     return "\n".join(lines) + "\n"
 
 
