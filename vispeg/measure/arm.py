@@ -153,6 +153,7 @@ class Arm:
             then = np.where(still[:, None], x @ rest.T, then)
             turned = ~still & (way * then[:, nj + j] < 0.0)
             before = x[turned, nj + j]
+            # share of the interval after which the joint stops
             part = np.where(before * way[turned] > 0.0, before / (before - then[turned, nj + j]), 0.0)
             stop = x[turned] + part[:, None] * (then[turned] - x[turned])
             back = np.abs(asked[turned] - stop @ needed) > friction

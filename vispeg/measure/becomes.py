@@ -81,10 +81,10 @@ def undeclared(results: Sequence[Quantity], tool: tuple[float, np.ndarray], rng:
     for name, at in zip(("com_x", "com_y", "com_z"), centre, strict=True):
         q = by_name[name]
 
-        def left(m: Any, c: Any, at: float = at) -> Any:
+        def without_tool(m: Any, c: Any, at: float = at) -> Any:
             return (m * c - known * at) / (m - known)
 
-        rest.append(propagate(name, q.unit, left, [weighed, _input(q)], rng, repeats=q.repeats))
+        rest.append(propagate(name, q.unit, without_tool, [weighed, _input(q)], rng, repeats=q.repeats))
     return rest
 
 

@@ -132,7 +132,7 @@ class _Fit:
         """Return the standard uncertainty of x_k, estimated from the scatter."""
         return float(np.sqrt(self.rest / self.dof) * np.linalg.norm(self.inverse[k]))
 
-    def left(self, y: np.ndarray) -> float:
+    def residual(self, y: np.ndarray) -> float:
         """Return the sum of the squared residuals for other data y (3 n,)."""
         return float(y @ y - np.sum((self.base.T @ y) ** 2))
 
@@ -182,12 +182,12 @@ def _instruments(
     """
     rows = np.arange(len(down))
     weighing, turning = {}, {}
-    arm = torque.x[3:]
+    moment = torque.x[3:]  # kg m
     for name, column in zip((*WRENCH, *DOWN), np.hstack([wrench, down]).T, strict=True):
         axis = (*WRENCH, *DOWN).index(name) % 3
         unit = np.eye(3)[axis]
         if name in DOWN:  # change of the predicted wrench per unit of gravity's direction along this axis
-            on = (GRAVITY * force.x[3] * unit, GRAVITY * np.cross(arm, unit))
+            on = (GRAVITY * force.x[3] * unit, GRAVITY * np.cross(moment, unit))
         else:
             on = (unit, 0.0 * unit) if name in WRENCH[:3] else (0.0 * unit, unit)
         about = column - column.mean()
@@ -236,7 +236,7 @@ def _refuse_swapped(fit: _Fit, names: Sequence[str], r: Readings) -> None:
     y, others = fit.y.reshape(-1, 3), {}
     for order in permutations(range(3)):
         for signs in ((1, 1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, -1)):  # all signs changed would be the reaction
-            others[order, signs] = fit.left((y[:, order] * signs).reshape(-1))
+            others[order, signs] = fit.residual((y[:, order] * signs).reshape(-1))
     best = min(others, key=lambda key: others[key])
     if _surely(fit.rest, others[best] + EXACT * float(fit.y @ fit.y), fit.dof, len(others)):
         likely = " ".join(f"{'-' if s < 0 else ''}{names[k]}" for k, s in zip(*best, strict=True))

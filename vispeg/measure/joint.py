@@ -24,7 +24,7 @@ from vispeg.measure.uncertainty import Input, propagate, rectangular, repeated, 
 from vispeg.worlds.measurement_file import Quantity
 
 LINEAR = 2e-3  # greatest relative error of a loop's numbers from treating the arm as linear, found in simulation
-NOTHING = "neither steps, nor sines of three periods, nor a sweep, nor ramps out and back"
+SHOWING = "steps, or sines of three periods, or a sweep, or ramps out and back"
 
 
 @dataclass(frozen=True)
@@ -75,9 +75,7 @@ def measure(
     points = sorted((p for t in traces for p in frequency.points(t)), key=lambda p: (p.hz, p.amplitude))
     strokes = [s for t in traces for s in loops.measured(t)]
     if not responses and not points and not strokes:
-        raise UserError(
-            "show nothing of a joint", file=names, expected=NOTHING.replace("neither", "").replace("nor", "or")
-        )
+        raise UserError("show nothing of a joint", file=names, expected=SHOWING)
     steps.refuse_drift(responses, names)
     results: list[Quantity] = []
     notes: list[str] = []
@@ -87,20 +85,22 @@ def measure(
     responses = _resolved(responses, friction, notes)
     responses = _limited(responses, traces, friction, notes, details, rng)
     servo = loop = None
-    turns = arm is not None or inertia is not None
+    has_inertia = arm is not None or inertia is not None
     if len(responses) >= 2:
-        through = shared(responses)
-        servo, of_loop, seen = through.servo, [], through.groups
-        if turns:
-            loop, seen = _loop_of_steps(through, responses, traces, arm, inertia, friction, of_loop, rng)
-        _of_steps(through, seen, responses, traces, results, notes, rng)
+        common = shared(responses)
+        servo, of_loop, groups = common.servo, [], common.groups
+        if has_inertia:
+            loop, groups = _loop_of_steps(common, responses, traces, arm, inertia, friction, of_loop, rng)
+        _of_steps(common, groups, responses, traces, results, notes, rng)
         results += of_loop
         _early(results, notes)
     else:
         fit = _of_frequencies(points, results, notes, rng)
         if fit is not None:
             servo = fit[0]
-            loop = _loop_of_frequencies(fit, points, traces, arm, inertia, friction, results, rng) if turns else None
+            loop = (
+                _loop_of_frequencies(fit, points, traces, arm, inertia, friction, results, rng) if has_inertia else None
+            )
     _held_out(responses, notes, details)
     _bode(points, results, notes, details, rng)
     results += friction
@@ -208,7 +208,7 @@ def _limited(
 
 
 def _of_steps(
-    through: Shared,
+    common: Shared,
     groups: Mapping[str, np.ndarray],
     responses: Sequence[Step],
     traces: Sequence[Trace],
@@ -222,16 +222,16 @@ def _of_steps(
     """
     count = len(responses)
     for name, unit in steps.NAMES.items():
-        results.append(_over_sizes(name, unit, groups[name], _half(traces), rng, count))
+        results.append(_over_sizes(name, unit, groups[name], _half_period(traces), rng, count))
     bands = np.array([Servo(*(groups[n][k] for n in steps.NAMES)).bandwidth_hz for k in range(len(groups["gain"]))])
     results.append(_over_sizes("bandwidth_from_steps", "Hz", bands, 0.0, rng, count))
-    if through.band > 0.0:
+    if common.band > 0.0:
         inputs = [repeated("sizes and directions", groups["rest_band"]), rectangular("noise at rest", _noise(traces))]
         results.append(propagate("rest_band", "rad", lambda *x: sum(x), inputs, rng, repeats=count))
     sizes = steps.sizes(responses)
     if len(sizes) < 3:
         notes.append(f"{len(sizes)} sizes of step; with three or more, one would be held out as a check")
-    worst = float(np.max(through.left))
+    worst = float(np.max(common.left))
     if worst > 0.1:
         notes.append(
             f"the joint is not second order: the fit leaves an RMS error of up to {100 * worst:.0f} % of a step"
@@ -249,7 +249,7 @@ def _early(results: Sequence[Quantity], notes: list[str]) -> None:
         )
 
 
-def _half(traces: Sequence[Trace]) -> float:
+def _half_period(traces: Sequence[Trace]) -> float:
     """Return half the time between two rows, s."""
     return 0.5 * max(t.period for t in traces)
 
@@ -265,7 +265,7 @@ def _viscous(friction: Sequence[Quantity]) -> Quantity | None:
 
 
 def _loop_of_steps(
-    through: Shared,
+    common: Shared,
     responses: Sequence[Step],
     traces: Sequence[Trace],
     arm: Arm | None,
@@ -279,15 +279,15 @@ def _loop_of_steps(
     All but friction go to `results`; dry friction goes to `friction` if it lacks it and the loop is the robot's own.
 
     Returns:
-        The loop, and `through.groups` shifted so that their mean is the servo of a linear arm with this loop.
+        The loop, and `common.groups` shifted so that their mean is the servo of a linear arm with this loop.
     """
-    groups, left = through.groups, 0.0
+    groups, left = common.groups, 0.0
     viscous = _viscous(friction)
     drag = 0.0 if viscous is None else viscous.value
     if inertia is not None or arm is None:
-        loop, slopes = alone(through.servo, inertia or 1.0, drag)
+        loop, slopes = alone(common.servo, inertia or 1.0, drag)
         of = [Servo(*row) for row in zip(*(groups[name] for name in steps.NAMES), strict=True)]
-        each = loop.numbers[:, None] + slopes @ np.array([numbers(servo) - numbers(through.servo) for servo in of]).T
+        each = loop.numbers[:, None] + slopes @ np.array([numbers(servo) - numbers(common.servo) for servo in of]).T
         bands = groups["rest_band"]
     else:
         dragged = arm.with_friction(drag)
@@ -296,8 +296,8 @@ def _loop_of_steps(
             return _moved(dragged, Loop.of(x), band), dragged.modes(Loop.of(x))[2]
 
         look = _look(responses, dragged)
-        start, _ = inferred(through.servo, dragged, look)
-        x, values, rest = through.nearest(moving, start.numbers)  # now with dry friction, fitted to all steps
+        start, _ = inferred(common.servo, dragged, look)
+        x, values, rest = common.nearest(moving, start.numbers)  # now with dry friction, fitted to all steps
         loop, each, bands = Loop.of(x[:4]), values[:4], values[4]
         groups = steps.about(groups, look(loop))
         noise = _noise(traces) / np.array([abs(s.size) for s in responses])
@@ -412,7 +412,7 @@ def _of_loop(
         *errors,
     )
     add("servo_gain", "1", lambda x, e: x * (1 + e), gain, misfit)
-    add("servo_delay", "s", lambda *x: sum(x), late, rectangular("time of a sample", _half(traces)))
+    add("servo_delay", "s", lambda *x: sum(x), late, rectangular("time of a sample", _half_period(traces)))
 
 
 def _look(responses: Sequence[Step], arm: Arm) -> Callable[[Loop], Servo]:
@@ -430,6 +430,7 @@ def _look(responses: Sequence[Step], arm: Arm) -> Callable[[Loop], Servo]:
 
 
 def _moved(arm: Arm, loop: Loop, band: float) -> Moved:
+    """Return the simulation of the arm's joint with this loop and friction band, rad."""
     stiffness = loop.gain * loop.stiffness / arm.modes(loop)[2]  # static stiffness, that of gravity included
     return lambda goals, dt, pulls: arm.dry(loop, band * stiffness, goals, dt, np.clip(pulls, -band, band) * stiffness)
 
@@ -477,8 +478,8 @@ def _held_out(responses: Sequence[Step], notes: list[str], details: dict[str, ob
     middle = sizes[len(sizes) // 2]
     rest = [s for s in responses if abs(abs(s.size) - middle) > 0.05 * middle]
     held = [s for s in responses if abs(abs(s.size) - middle) <= 0.05 * middle]
-    through = shared(rest)
-    errors = step_error(through.servo, through.band, held)
+    common = shared(rest)
+    errors = step_error(common.servo, common.band, held)
     details["held_out"] = {
         "size_rad": middle,
         "steps": len(held),

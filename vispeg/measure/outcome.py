@@ -30,16 +30,11 @@ def by_place(values: np.ndarray, place: np.ndarray | None) -> Mapping[str, objec
     """Return the mean, spread and number of readings at each place, for the file's `details`."""
     if place is None:
         return {}
-    rows = [
-        {
-            "place": float(p),
-            "mean": float(v.mean()),
-            "sd": float(v.std(ddof=1)) if len(v) > 1 else None,
-            "repeats": len(v),
-        }
-        for p in np.unique(place)
-        for v in (values[place == p],)
-    ]
+    rows = []
+    for p in np.unique(place):
+        v = values[place == p]
+        sd = float(v.std(ddof=1)) if len(v) > 1 else None
+        rows.append({"place": float(p), "mean": float(v.mean()), "sd": sd, "repeats": len(v)})
     return {"places": rows}
 
 

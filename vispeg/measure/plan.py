@@ -117,11 +117,8 @@ def _triangle(size: float, rate: float) -> Part:
     """Return triangles of +-`size` rad, two periods at each speed of TRIANGLES, at `rate` Hz."""
     knots, levels = [0.0], [0.0]
     for speed in TRIANGLES:
-        way = 2.0 * size
         for to in (size, -size, size, -size, 0.0):
-            knots.append(
-                knots[-1] + (way if abs(to) == size and len(levels) > 1 and levels[-1] != 0.0 else size) / speed
-            )
+            knots.append(knots[-1] + abs(to - levels[-1]) / speed)
             levels.append(to)
     t = np.arange(int(knots[-1] * rate)) / rate
     shows = f"triangles of {size:.3g} rad at {', '.join(f'{s:g}' for s in TRIANGLES)} rad/s: hysteresis at reversals"

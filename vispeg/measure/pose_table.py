@@ -100,7 +100,7 @@ def pose_columns(names: Sequence[str], file: Path) -> PoseColumns:
                     "two columns of one name", file=file, key=f"{found[kind][key]}, {name}", expected=expected
                 )
             found[kind][key] = name
-    whole = {kind: all_ for kind, all_ in found.items() if len(all_) == (4 if kind == "quaternion" else 3)}
+    whole = {kind: columns for kind, columns in found.items() if len(columns) == (4 if kind == "quaternion" else 3)}
     if "position" not in whole:
         raise UserError("no measured position", file=file, expected="columns x, y and z", choices=names)
     turns = [kind for kind in found if kind != "position" and found[kind]]
@@ -165,7 +165,7 @@ def poses_of(
         )
     turns = [(None, "")] if not columns.turn else _turns(table, columns, form, file)
     return [
-        (values * LENGTHS[unit], turn, ", ".join(text for text in (_open(lengths, unit), said) if text))
+        (values * LENGTHS[unit], turn, ", ".join(text for text in (_chosen_unit(lengths, unit), said) if text))
         for unit, (turn, said) in product(lengths, turns)
     ]
 
@@ -226,14 +226,15 @@ def together(
         UserError: two interpretations fit about equally well.
     """
     pairs = list(product(robots, tags))
-    off = []
+    misfits = []
     for (robot, _), (tag, _) in pairs:
         a, b = motions(robot), motions(tag)
-        size = np.sqrt(np.mean(a[:, 1] ** 2))
-        off.append(float(np.hypot(*np.sqrt(np.mean((np.abs(a) - np.abs(b)) ** 2, axis=0)) / [1.0, max(size, 1e-12)])))
-    order = np.argsort(off)
+        path = np.sqrt(np.mean(a[:, 1] ** 2))  # m, to which the misfit of the paths is relative
+        angle_rms, path_rms = np.sqrt(np.mean((np.abs(a) - np.abs(b)) ** 2, axis=0))
+        misfits.append(float(np.hypot(angle_rms, path_rms / max(path, 1e-12))))
+    order = np.argsort(misfits)
     (robot, said), (tag, tag_said) = pairs[int(order[0])]
-    if len(pairs) > 1 and off[order[1]] < BETTER * off[order[0]]:
+    if len(pairs) > 1 and misfits[order[1]] < BETTER * misfits[order[0]]:
         other = pairs[int(order[1])]
         expected = "units in the header (tag_x_mm), or --orientation"
         got = "; ".join(f"{a} or {b}" for a, b in ((said, other[0][1]), (tag_said, other[1][1])) if a != b)
@@ -254,14 +255,14 @@ def best(ways: Sequence[Readings], misfit: Callable[[Readings], tuple[float, flo
     """
     if len(ways) == 1:
         return ways[0]
-    spread = [float(np.std(way.position)) for way in ways]  # misfits are compared relative to it, as units differ
-    off = [
-        float(np.hypot(m / max(s, 1e-12), r))
-        for (m, r), s in ((misfit(way), s) for way, s in zip(ways, spread, strict=True))
-    ]
-    order = np.argsort(off)
+    misfits = []
+    for way in ways:
+        spread = float(np.std(way.position))  # misfits are compared relative to it, as units differ
+        metres, radians = misfit(way)
+        misfits.append(float(np.hypot(metres / max(spread, 1e-12), radians)))
+    order = np.argsort(misfits)
     first, second = ways[int(order[0])], ways[int(order[1])]
-    if off[order[1]] < BETTER * off[order[0]] or off[order[1]] < 1e-9:
+    if misfits[order[1]] < BETTER * misfits[order[0]] or misfits[order[1]] < 1e-9:
         differs = [f"{a} or {b}" for a, b in zip(first.said, second.said, strict=True) if a != b]
         expected = "units in the header (x_mm, q1_deg), or --orientation"
         raise UserError("fits in two ways", file=file, expected=expected, got="; ".join(differs))
@@ -291,8 +292,8 @@ def _family(word: str) -> str:
 
 def _angles(table: Table, joints: Sequence[str], taken: set[str]) -> tuple[np.ndarray, list[str]]:
     """Return joint angles (n, nj) as they are in the table, and the unit that each column's name states, or ""."""
-    there = [name for name in table.names if name in table.columns and name not in taken]
-    named = own_names([meaning(name, {}) for name in there], joints, table)
+    numeric = [name for name in table.names if name in table.columns and name not in taken]
+    named = own_names([meaning(name, {}) for name in numeric], joints, table)
     out = Proposal(table.file, [], [], {}, Dialect())
     measured = [m for m in named if m.quantity == "q" and not m.commanded]
     measured = measured or [m for m in named if re.fullmatch(r"(j|a|joint|axis)_?\d+", m.label or "", re.IGNORECASE)]
@@ -326,6 +327,7 @@ def _as_radians(values: np.ndarray, stated: Sequence[str], file: Path) -> list[t
 
 
 def _turns(table: Table, columns: PoseColumns, form: str | None, file: Path) -> list[tuple[np.ndarray, str]]:
+    """Return all interpretations of an orientation: rotations (n, 3, 3), and the choice in words."""
     values = _block(table, columns.turn)
     if columns.form == "quaternion":
         length = np.linalg.norm(values, axis=1)
@@ -365,7 +367,8 @@ def _units(names: Sequence[str], units: Mapping[str, float], file: Path) -> list
     return [unit] if unit else list(units)
 
 
-def _open(lengths: Sequence[str], unit: str) -> str:
+def _chosen_unit(lengths: Sequence[str], unit: str) -> str:
+    """Word the unit of positions; "" if it is the only possible one."""
     return f"positions in {unit}" if len(lengths) > 1 else ""
 
 

@@ -56,15 +56,10 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     )
     count, unsaid = (1, "drop") if groups is None else (len(np.unique(groups)), "")
     notes = [*short(len(values), DROPS, "drop"), *short(count, HEIGHTS, "height", unsaid)]
-    rows = (
-        []
-        if groups is None
-        else [
-            {"drop_m": float(h), "mean": float(v.mean()), "repeats": len(v)}
-            for h in np.unique(groups)
-            for v in (values[groups == h],)
-        ]
-    )
+    rows = []
+    for height in () if groups is None else np.unique(groups):
+        v = values[groups == height]
+        rows.append({"drop_m": float(height), "mean": float(v.mean()), "repeats": len(v)})
     return Outcome((result,), tuple(notes), {"heights": rows} if rows else {})
 
 

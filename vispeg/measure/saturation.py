@@ -142,16 +142,16 @@ def _rows(steps: Sequence[Step]) -> _Rows:
             trace = step.trace
             assert trace.tau is not None
             ago = trace.time[first] - trace.time
-            some = np.flatnonzero((ago <= BEFORE + 1e-9) & (ago > -AFTER))
-            some = some[trace.time[some] < trace.time[min(end, len(trace.time) - 1)]]
+            used = np.flatnonzero((ago <= BEFORE + 1e-9) & (ago > -AFTER))
+            used = used[trace.time[used] < trace.time[min(end, len(trace.time) - 1)]]
             still = trace.tau[(ago <= BEFORE + 1e-9) & (ago > LATE - 0.5 * trace.period)].mean()
-            t, q = trace.time[some], before(trace, first)
+            t, q = trace.time[used], before(trace, first)
             row = np.maximum(np.searchsorted(trace.time, t - late + 1e-9, side="right") - 1, 0)  # a command is held
-            speed = rates[trace][some]
+            speed = rates[trace][used]
             earlier = np.interp(t - trace.period, trace.time, rates[trace])
-            factors = [trace.q_cmd[row] - trace.q_cmd[first - 1], trace.q[some] - q, speed]
+            factors = [trace.q_cmd[row] - trace.q_cmd[first - 1], trace.q[used] - q, speed]
             columns.append(
-                (np.full(len(t), still), np.column_stack(factors), trace.tau[some], speed, earlier, 0 * some + n)
+                (np.full(len(t), still), np.column_stack(factors), trace.tau[used], speed, earlier, 0 * used + n)
             )
         return _Rows(*(np.concatenate(x) for x in zip(*columns, strict=True)))
 
@@ -218,7 +218,7 @@ def by_speed(traces: Sequence[Trace]) -> list[dict[str, float]]:
     edges = np.linspace(0.0, max(float(forward.max()), 1e-9), SPEEDS + 1)
     out = []
     for a, b in zip(edges, edges[1:], strict=False):
-        some = np.abs(tau[(forward >= a) & (forward <= b)])
-        if len(some):
-            out.append({"speed_rad_s": float(0.5 * (a + b)), "greatest_torque_nm": float(some.max())})
+        torques = np.abs(tau[(forward >= a) & (forward <= b)])
+        if len(torques):
+            out.append({"speed_rad_s": float(0.5 * (a + b)), "greatest_torque_nm": float(torques.max())})
     return out

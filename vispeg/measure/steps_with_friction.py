@@ -73,7 +73,7 @@ class Shared:
         unit = np.array([1.0, 1.0, 1.0, 0.1, *np.full(1 + p.sags, 0.1 * least)])
         free = np.arange(len(unit)) != (-1 if self.band > 0.0 else 4)
 
-        def left(x: np.ndarray) -> np.ndarray:
+        def residual(x: np.ndarray) -> np.ndarray:
             moved, gain = joint(x[:4], max(x[4], 0.0))
             q, v = moved(goals, p.dt / FINER, gain * p.command + x[5:][p.trace] - p.rest)
             y = _read(q, v, p.dt / FINER, p.t - x[3]) / p.size[:, None]
@@ -85,13 +85,13 @@ class Shared:
             return x
 
         def slopes(z: np.ndarray) -> np.ndarray:
-            now = left(whole(z))
-            return np.stack([(left(whole(z + SLOPE * e)) - now) / SLOPE for e in np.eye(len(z))], axis=1)
+            now = residual(whole(z))
+            return np.stack([(residual(whole(z + SLOPE * e)) - now) / SLOPE for e in np.eye(len(z))], axis=1)
 
         gain = joint(start, self.band)[1]
         middle = np.array([p.command[p.trace == k].mean() for k in range(p.sags)])
         x0 = np.concatenate([start, [self.band], (self.x[0] - gain) * middle + self.x[5:]])
-        found = optimize.least_squares(lambda z: left(whole(z)), np.zeros(free.sum()), slopes, max_nfev=NEAR)
+        found = optimize.least_squares(lambda z: residual(whole(z)), np.zeros(free.sum()), slopes, max_nfev=NEAR)
         fun = found.fun.reshape(p.y.shape)
         moves = _moves(found.jac.reshape(*p.y.shape, -1), fun, self.responses)
         x = whole(found.x)
@@ -175,9 +175,9 @@ def _problem(responses: Sequence[Step], start: Servo) -> _Problem:
         whole = np.interp(grid, time, total)
         whole += change[-1] * np.maximum(grid - time[-1], 0.0)
         goals[k] = np.diff(whole) / dt
-        some = np.unique(np.linspace(0, len(time) - 1, shape[1]).round().astype(int))
-        t[k, : len(some)], weight[k, : len(some)] = time[some], 1.0 / np.sqrt(len(some))
-        y[k, : len(some)] = (trace.q[a:b][some] - rest[k] - swing[some]) / step.size
+        used = np.unique(np.linspace(0, len(time) - 1, shape[1]).round().astype(int))
+        t[k, : len(used)], weight[k, : len(used)] = time[used], 1.0 / np.sqrt(len(used))
+        y[k, : len(used)] = (trace.q[a:b][used] - rest[k] - swing[used]) / step.size
     size = np.array([s.size for s in responses])
     trace_of = np.array([traces.index(s.trace) for s in responses])
     return _Problem(goals, float(dt), t, y, weight, size, command, rest, trace_of, len(traces))
@@ -291,5 +291,8 @@ def _moves(jac: np.ndarray, rest: np.ndarray, responses: Sequence[Step]) -> np.n
     groups = list(steps.groups(responses).values())
     groups = groups if len(groups) > 1 else [[s] for s in responses]
     normal, right = np.einsum("sni,snj->sij", jac, jac), np.einsum("sni,sn->si", jac, rest)
-    out = [np.array([any(s is other for other in group) for s in responses]) for group in groups]
-    return np.array([-np.linalg.pinv(normal[~o].sum(axis=0)) @ right[~o].sum(axis=0) for o in out])
+    moves = []
+    for group in groups:
+        kept = np.array([not any(s is other for other in group) for s in responses])
+        moves.append(-np.linalg.pinv(normal[kept].sum(axis=0)) @ right[kept].sum(axis=0))
+    return np.array(moves)

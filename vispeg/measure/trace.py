@@ -115,9 +115,9 @@ def from_recording(path: Path, joint: str) -> tuple[list[Trace], str]:
         rows = (episode == number) & np.isfinite(rec.q[:, j]) & np.isfinite(rec.q_cmd[:, j])
         tau, reason = torque, why
         if tau is not None:
-            there = rows & np.isfinite(tau)
-            if there.sum() >= (1 - MOST) * rows.sum():
-                rows = there
+            complete = rows & np.isfinite(tau)
+            if complete.sum() >= (1 - MOST) * rows.sum():
+                rows = complete
             else:
                 tau, reason = None, f"the torque is missing in more than {MOST:.0%} of the rows"
         arrays = rec.time[rows], rec.q_cmd[rows, j], rec.q[rows, j], None if tau is None else tau[rows]
@@ -234,7 +234,7 @@ def _averaged(x: np.ndarray, period: float) -> np.ndarray:
 def _lead(traces: Sequence[Trace]) -> float:
     """Return the time by which the angle leads its command, s; 0 if no lead fits about as well."""
     lags = np.linspace(-LEAD, LEAD, 101)
-    left = np.zeros(len(lags))
+    residual = np.zeros(len(lags))
     for t in traces:
         inside = (t.time >= t.time[0] + LEAD) & (t.time <= t.time[-1] - LEAD)
         if inside.sum() < 3 or np.ptp(t.q_cmd[inside]) == 0:
@@ -243,10 +243,10 @@ def _lead(traces: Sequence[Trace]) -> float:
         for k, lag in enumerate(lags):
             u = np.interp(t.time[inside] - lag, t.time, t.q_cmd)
             u = u - u.mean()
-            left[k] += float(y @ y - (u @ y) ** 2 / max(u @ u, 1e-300))
+            residual[k] += float(y @ y - (u @ y) ** 2 / max(u @ u, 1e-300))
     later = lags >= -2.0 * max(t.period for t in traces)  # no lead, with two rows of tolerance for jitter and rounding
-    best = int(np.argmin(left))
-    return 0.0 if later[best] or left[best] * LIKELIER >= left[later].min() else float(-lags[best])
+    best = int(np.argmin(residual))
+    return 0.0 if later[best] or residual[best] * LIKELIER >= residual[later].min() else float(-lags[best])
 
 
 def steps(trace: Trace) -> list[tuple[int, int]]:

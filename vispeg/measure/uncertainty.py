@@ -17,7 +17,7 @@ from scipy import stats
 from vispeg.core.errors import UserError
 from vispeg.worlds.measurement_file import LEVEL, BudgetRow, Quantity
 
-MANY = 1e6  # degrees of freedom above which Student's t counts as Gaussian
+GAUSSIAN_DOF = 1e6  # degrees of freedom above which Student's t counts as Gaussian
 DRAWS = 200_000  # draws of a Monte Carlo propagation; the ends of a 95 % interval are then accurate to 0.5 % of u
 AGREE = 0.05  # share of u within which the ends of two intervals agree (JCGM 101, 8.1: delta for two digits of u)
 
@@ -139,7 +139,7 @@ def effective(rows: Sequence[BudgetRow]) -> float:
     total = sum(row.contribution**2 for row in rows)
     below = sum(row.contribution**4 / row.dof for row in rows if row.dof is not None)
     dof = total**2 / below if below > 0 else np.inf
-    return dof if dof < MANY else np.inf
+    return dof if dof < GAUSSIAN_DOF else np.inf
 
 
 def coverage(dof: float, level: float = LEVEL) -> float:

@@ -152,7 +152,7 @@ def solve(poses: Poses, arm: Screws, *, base_known: bool = False, tool_known: bo
     scale = (ARM, 1.0)
     confounded = _fix(fit, scale)
     count = int(fit.free.sum())
-    x, jac = np.zeros(count), np.zeros((0, 0))
+    x = np.zeros(count)
     for _ in range(ROUNDS):
         solution = least_squares(
             fit.flat, x, jac=lambda x, scale: fit.jacobian(x, scale), args=(scale,), x_scale="jac", max_nfev=60
