@@ -96,8 +96,8 @@ def policy(film: Film, name: str, worlds: tuple[str, str]) -> None:
     page.get_by_role("button", name="Stop").locator("visible=true").wait_for(state="hidden", timeout=WAIT)
     film.press(page.get_by_role("button", name="Play", exact=True).locator("visible=true"))
     page.wait_for_timeout(5000)
-    said = " | ".join(" ".join(t.split()) for t in page.locator("[data-episode]").inner_text().split("\n\n"))
-    film.note(f"{name} in two worlds: {said}")
+    shown = " | ".join(" ".join(t.split()) for t in page.locator("[data-episode]").inner_text().split("\n\n"))
+    film.note(f"{name} in two worlds: {shown}")
 
 
 def with_ffmpeg(folder: Path) -> None:

@@ -22,10 +22,10 @@ def main() -> None:
             continue
         record = read_record(folder)
         if record["format"] == NETWORK.name and "weights" not in record:
-            said = json.loads((folder / META).read_text(encoding="utf-8"))
-            meta = said.pop("meta")
-            said |= {"weights": f"sha256:{digest(folder / WEIGHTS)}", "meta": meta}
-            write_text_atomic(folder / META, json.dumps(said, indent=2) + "\n", overwrite=True)
+            values = json.loads((folder / META).read_text(encoding="utf-8"))
+            meta = values.pop("meta")
+            values |= {"weights": f"sha256:{digest(folder / WEIGHTS)}", "meta": meta}
+            write_text_atomic(folder / META, json.dumps(values, indent=2) + "\n", overwrite=True)
             print(folder)
 
 

@@ -58,7 +58,8 @@ def main() -> None:
             drawn, again = redraw(world, scene, renderer, seed, qpos=ABOVE)
             took += time.perf_counter() - began
             redraws.append(again)
-            good += contrast(shots := renderer.render(ABOVE), renderer.cameras, scene) >= 1
+            shots = renderer.render(ABOVE)
+            good += contrast(shots, renderer.cameras, scene) >= 1
             if seed < TILES:
                 tiles.append(
                     np.hstack([cv2.resize(s.rgb, (SIZE, SIZE), None, 0, 0, cv2.INTER_CUBIC) for s in shots.values()])

@@ -25,7 +25,7 @@ PHASES = {  # start of the tip relative to the mouth (m), actions (n, 3)
 
 
 def play(config: PegConfig, phase: str) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Tip path (k, 3) m, contact force of every control tick (N), height of the tip under the press, CPU s.
+    """Return tip path (k, 3) m, contact force of each control tick (N), height of the tip under the press, CPU s.
 
     The height is in m; the peg leans, so its middle stands above its edge.
     """

@@ -73,7 +73,7 @@ def main() -> int:
 
 
 def table(runs: list[dict]) -> str:
-    """Both halves' values and errors as Markdown."""
+    """Return both halves' values and errors as Markdown."""
     heads = (
         "window",
         "fitted on",

@@ -87,7 +87,7 @@ print("RESULT", begun[0], time.process_time())
 
 
 def start_up(world: str) -> tuple[float, float]:
-    """Processor seconds of `vispeg render` before its first episode, and in all: 300 frames, one look, one process."""
+    """Return processor seconds of `vispeg render`, 300 frames in one process: before its first episode, and in all."""
     with TemporaryDirectory() as folder:
         command = [sys.executable, "-c", WHOLE, str(Path(folder) / "frames"), world]
         run = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=True)
@@ -124,7 +124,7 @@ class Clock:
 
 
 def main() -> None:
-    """Measures and prints a Markdown table."""
+    """Measure and print a Markdown table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--world", default="S")
     parser.add_argument("--looks", type=int, default=4)

@@ -37,7 +37,7 @@ HIDDEN = World().add(
 
 
 def recordings(count: int, seconds: float) -> list[Recording]:
-    """Fourier motions at 500 Hz, position controlled, of the arm with the hidden effects."""
+    """Record Fourier motions of the arm with the hidden effects, 500 Hz, position controlled."""
     robot = load("iiwa14")
     control, out = controller(robot, "position", 500.0, centre_of(robot)), []
     for i in range(count):

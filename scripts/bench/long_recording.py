@@ -28,7 +28,7 @@ def moves(time: np.ndarray, nj: int, rng: np.random.Generator) -> np.ndarray:
     """Return angles (n, nj) rad: minimum-jerk moves between random places, most of them slow, with rests between."""
     knots, places = [0.0], [np.zeros(nj)]
     while knots[-1] < time[-1]:
-        knots += [knots[-1] + rng.uniform(1.0, 8.0)] * 1
+        knots.append(knots[-1] + rng.uniform(1.0, 8.0))
         places.append(places[-1])
         fast = rng.random() < 0.15
         knots.append(knots[-1] + (rng.uniform(0.8, 1.2) if fast else rng.uniform(4.0, 12.0)))

@@ -29,7 +29,7 @@ COLOUR = range(40, 71)  # orders of the effects on colour, occlusion and lens am
 
 
 def best(call, repeats: int) -> float:
-    """Least processor time of a call, s."""
+    """Return the least processor time of a call, s."""
     times = []
     for _ in range(repeats):
         begin = time.process_time()
@@ -39,7 +39,7 @@ def best(call, repeats: int) -> float:
 
 
 def everything(orders=range(100)) -> World:
-    """Every image effect of these orders at its start value."""
+    """Return a world with every image effect of these orders at its start value."""
     kinds = [(n, e) for n, e in of_family("camera").items() if e.overrides("image") and e.order in orders]
     return World().add(*(EffectInstance.of(n, "all", **{k: q.start for k, q in e.params.items()}) for n, e in kinds))
 

@@ -89,11 +89,11 @@ class Clock:
         self.begin = time.process_time()
 
     def keep(self, *_: object) -> None:
-        """Write them, for the next process."""
+        """Write the seconds so far, for the next process."""
         write_text_atomic(self.file, json.dumps(self()), overwrite=True)
 
     def __call__(self) -> float:
-        """So far."""
+        """Return the processor seconds so far."""
         return self.before + time.process_time() - self.begin
 
 
@@ -182,7 +182,7 @@ class Bench:
         return {"way": "least squares of base parameters", "errors": left.tolist()}
 
     def _saved(self, out: Path) -> list[float]:
-        """Errors of the model that was written: a next command would start from it."""
+        """Return the errors of the model that was written: a next command would start from it."""
         return self.errors(load_model(out / "model.yaml")).tolist()
 
 
@@ -195,7 +195,7 @@ def _rms(evidence: Evidence, residuals: list[np.ndarray]) -> np.ndarray:
 
 
 def table(name: str, bench: Bench, short: bool = False) -> str:
-    """One robot's tables as Markdown."""
+    """Return one robot's tables as Markdown."""
     rows = bench.rows(short)
     joints = len(rows[0]["errors"]) - 1
     lines = [f"### {name}, RMS on {', '.join(bench.arm.held_out)}, {bench.judged.unit}", ""]

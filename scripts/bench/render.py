@@ -36,7 +36,7 @@ POSE = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])  # rad: the peg over the 
 
 
 def configurations(nq: int, n: int) -> np.ndarray:
-    """(n, nq) poses around the hole, the same in every run."""
+    """Return poses (n, nq) around the hole, the same in every run."""
     rng, out = np.random.default_rng(0), np.zeros((n, nq))
     out[:, :7] = POSE + rng.normal(0, 0.02, (n, 7))
     return out
@@ -58,7 +58,7 @@ class Defaults:
         self.renderer = mujoco.Renderer(self.model, SIDE, SIDE)
 
     def __call__(self, q: np.ndarray) -> None:
-        """Draws one configuration (nq,)."""
+        """Draw one configuration (nq,)."""
         self.data.qpos[:] = q
         mujoco.mj_forward(self.model, self.data)
         view = view_of(self.camera, ("site", self.model.site("flange").id), self.data)
@@ -94,7 +94,7 @@ class Raw:
         self.rgb, self.buffer = np.empty((SIDE, SIDE, 3), np.uint8), np.empty((SIDE, SIDE), np.float32)
 
     def __call__(self, q: np.ndarray) -> None:
-        """Draws one configuration (nq,)."""
+        """Draw one configuration (nq,)."""
         self.gl.make_current()
         self.data.qpos[:] = q
         mujoco.mj_kinematics(self.model, self.data)
@@ -110,7 +110,7 @@ class Raw:
 
 
 def ours(scene, cameras, backend: str = "classic", shadows: bool = False, **options) -> Callable[[np.ndarray], object]:
-    """Our renderer as a row."""
+    """Return the function that draws with vispeg's renderer."""
     renderer = Renderer(scene, cameras, backend, shadows=shadows, **options)
     if shadows:
         renderer.model.light_castshadow[:] = renderer.model.light_active
@@ -166,7 +166,7 @@ def work(pipe: Connection, name: str, frames: int) -> None:
 
 
 def main() -> int:
-    """Print a Markdown table; 0."""
+    """Print a Markdown table; return 0."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--frames", type=int, default=60)
     parser.add_argument("--rounds", type=int, default=5)

@@ -29,7 +29,7 @@ from vispeg.worlds.world import World
 
 
 def raw(model, rows: int, ticks: int, substeps: int, friction: np.ndarray | None) -> float:
-    """Seconds that `mujoco.batch` alone takes for the same steps, with `friction` (rows,) N m in joint 4."""
+    """Return the seconds that `mujoco.batch` takes for the same steps, with `friction` (rows,) N m in joint 4."""
     batch = mjb.Batch(model, rows, nthread=1)
     h = 0.002 / substeps
     batch.expand("opt.timestep")[:] = h

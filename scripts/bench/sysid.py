@@ -44,7 +44,7 @@ TICK, FINE = 2e-3, 1e-4  # s
 
 
 def gains(control: Control) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness N m/rad and damping N m s/rad (nj,) of a joint servo."""
+    """Return stiffness N m/rad and damping N m s/rad (nj,) of a joint servo."""
     if control.kp is None or control.kd is None:
         raise ValueError("not a servo")
     return control.kp, control.kd
@@ -121,7 +121,7 @@ class Sysid:
         return out
 
     def residual(self, recs: list[Recording]):
-        """Its residual function over recordings; angles in units of noise."""
+        """Return the residual function over recordings; angles in units of noise."""
         model = self.spec.compile()
         sequences = []
         for rec in recs:

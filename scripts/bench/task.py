@@ -101,7 +101,7 @@ class Tape:
         self.cell.advance = record
 
     def mark(self) -> None:
-        """Return the states at the beginning of a policy step."""
+        """Store the states at the beginning of a policy step."""
         self.states.append((self.cell.qpos.copy(), self.cell.qvel.copy()))
 
 
@@ -112,7 +112,7 @@ def actions(rows: int, steps: int) -> np.ndarray:
 
 
 def task(world: str, rows: int, seconds: float, images: bool) -> tuple[float, float, float]:
-    """CPU seconds that a simulated second of one row takes: the task's, raw physics' on the same path, MuJoCo's own.
+    """Return CPU seconds per simulated second of one row: the task's, raw physics' on the same path, MuJoCo's own.
 
     The second is nan with images.
     """
@@ -142,7 +142,7 @@ def task(world: str, rows: int, seconds: float, images: bool) -> tuple[float, fl
 
 
 def raw(env: PegInHoleVec, tape: Tape) -> float:
-    """CPU seconds of `mujoco.batch` for what the tape holds."""
+    """Return the CPU seconds of `mujoco.batch` for what the tape holds."""
     cell, c = env.sim.cell, env.config
     batch = mjb.Batch(cell.model, env.num_envs, nthread=1)
     for name in expanded(cell.batch):
@@ -162,7 +162,7 @@ def raw(env: PegInHoleVec, tape: Tape) -> float:
 
 
 def expanded(batch: Any) -> list[str]:
-    """Names of the model fields that differ from row to row."""
+    """List the model fields that differ from row to row."""
     names = [*mjb.MODEL_FIELDS, *(f"opt.{n}" for n in ("timestep", "gravity", "iterations", "impratio"))]
     found = []
     for name in names:

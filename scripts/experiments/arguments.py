@@ -1,4 +1,4 @@
-"""The command line that both experiments share."""
+"""The command line that the experiments share."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vispeg.core.errors import UserError
 
 
 def parser(about: str) -> argparse.ArgumentParser:
-    """Seeds, budget and folders; `about` is the script's docstring."""
+    """Return the parser of seeds, budget and folders; `about` is the script's docstring."""
     made = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
     made.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3], help="training seeds, one after the other")
     made.add_argument("--steps", type=int, default=32_000, help="environment steps of every run")

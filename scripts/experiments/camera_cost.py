@@ -58,7 +58,7 @@ def nulls(effects: Sequence[EffectInstance]) -> tuple[Change, ...]:
 
 
 def read(texts: Sequence[str]) -> list[EffectInstance]:
-    """NAME:WHERE:param=number,... each."""
+    """Parse effects, each NAME:WHERE:param=number,..."""
     out = []
     for text in texts:
         name, where, *rest = text.split(":")
@@ -68,7 +68,7 @@ def read(texts: Sequence[str]) -> list[EffectInstance]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Plays, prints a line a policy, writes OUT/camera_cost.json."""
+    """Play, print a line a policy, write OUT/camera_cost.json."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("policies", nargs="+")
     parser.add_argument("--hidden", nargs="+", required=True, help="effects, NAME:WHERE:param=number,...")
@@ -85,7 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rest = [left_of(e, found) for e in hidden] + spurious(hidden, found)
     every = [*hidden, *(e for e in found if (e.effect, e.where) not in {(h.effect, h.where) for h in hidden})]
     worlds = {TRUE: nulls(every), HIDDEN: (*changes(hidden), *nulls(every[len(hidden) :])), CORRECTED: changes(rest)}
-    settings = [Setting(args.world, Path(args.world).stem, tag, some) for tag, some in worlds.items()]
+    settings = [Setting(args.world, Path(args.world).stem, tag, changed) for tag, changed in worlds.items()]
     who = ready(args.policies)
     args.out.mkdir(parents=True, exist_ok=True)
     jobs = make_jobs(who, settings, seeds_of(args.episodes, args.seed), args.out / "worlds")

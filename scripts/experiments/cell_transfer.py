@@ -101,7 +101,7 @@ def _values(e: EffectInstance) -> dict[str, float]:
 
 
 def played(policies: Sequence[str], files: dict[str, Path], episodes: int, out: Path) -> dict[str, Any]:
-    """{policy: errors of nominal, corrected and again} on the same held-out seeds."""
+    """Return {policy: errors of nominal, corrected and again} on the same held-out seeds."""
     settings = [Setting(str(path), name) for name, path in files.items()]
     jobs: list[Job] = make_jobs(ready(policies), settings, seeds_of(episodes), out / "worlds", profile=True)
     everything = run(jobs, out)

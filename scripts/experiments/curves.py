@@ -32,7 +32,7 @@ class Curve:
     peak_force: np.ndarray
 
     def reaches(self, rate: float) -> int | None:
-        """Step at the first evaluation with at least this success rate; None if there is none."""
+        """Return the step of the first evaluation with at least this success rate; None if there is none."""
         there = np.flatnonzero(self.success >= rate)
         return int(self.steps[there[0]]) if len(there) else None
 
@@ -55,7 +55,7 @@ def read_curve(path: Path) -> Curve:
 
 
 def together(curves: Sequence[Curve]) -> dict[str, Any]:
-    """Several seeds at the steps that all of them were evaluated at, ready for JSON.
+    """Combine several seeds at the steps that all of them were evaluated at, ready for JSON.
 
     Returns:
         {seeds, steps, seconds (mean), mean, low, high, return}: success rates, `low` and `high` the worst and the best
@@ -83,6 +83,6 @@ def _at(curves: Sequence[Curve], name: str, steps: Sequence[int]) -> np.ndarray:
 
 
 def _band(values: np.ndarray) -> dict[str, list[float]]:
-    """Mean, worst and best over seeds of values (seeds, n)."""
+    """Return mean, worst and best over seeds of values (seeds, n)."""
     bands = {"mean": values.mean(0), "low": values.min(0), "high": values.max(0)}
     return {name: np.round(band, 4).tolist() for name, band in bands.items()}

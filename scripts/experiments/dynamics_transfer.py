@@ -114,7 +114,7 @@ def write(out: Path, tables: Mapping[int, Any], about: Mapping[str, Any], budget
 
 
 def spent(what: str) -> None:
-    """Says on standard error what this call has cost so far, with its children."""
+    """Print on standard error what this call has cost so far, with its children."""
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     seconds = sum(u.ru_utime + u.ru_stime for u in used)
     print(f"{seconds:8.0f} processor s  {what}", file=sys.stderr, flush=True)

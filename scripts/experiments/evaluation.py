@@ -13,10 +13,10 @@ from vispeg.task.world_file import load_world
 
 
 def played(policies: Iterable[tuple[str, Path]], worlds: Sequence[str], episodes: int, out: Path) -> list[Episode]:
-    """Episodes of each (name, run folder)'s best policy, by its own evaluations while training, in every world; of the
-    last one where none was evaluated at the last stage.
+    """Play each (name, run folder)'s best policy in every world, and return the episodes.
 
-    The seeds are other ones than training and its evaluations had, the same for every policy and world.
+    The best is by its own evaluations while training; the last one where none was evaluated at the last stage. The
+    seeds are other ones than training and its evaluations had, the same for every policy and world.
     """
     who = [entrant(f"{name}={policy_of(folder / 'checkpoints')}") for name, folder in policies]
     settings = [Setting(world, load_world(world).name) for world in worlds]

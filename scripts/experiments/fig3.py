@@ -29,11 +29,11 @@ from vispeg.task.world_file import load_world
 
 WORLDS = ("searching", "randomized")
 LSTM = 128  # width
-LEARNED = 0.8  # success rate whose first evaluation is told
+LEARNED = 0.8  # success rate; the step at which an evaluation first reaches it is reported
 
 
 def main() -> None:
-    """Trains, judges, writes OUT/fig3.json and draws the picture."""
+    """Train, judge, write OUT/fig3.json and draw the picture."""
     parser = arguments.parser(__doc__ or "")
     parser.add_argument("--picture", type=Path, default=Path("docs/img/fig3.png"), help="the picture")
     parser.add_argument(

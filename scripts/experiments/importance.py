@@ -67,7 +67,7 @@ def factor_of(name: str) -> str | None:
 
 
 def factors() -> tuple[str, ...]:
-    """All of them, in the article's order."""
+    """Return all factors, in the article's order."""
     return (*FACTORS, NOISE)
 
 
@@ -95,13 +95,13 @@ def worlds(folder: Path) -> dict[str, str]:
 
 
 def start(runs: Path, modality: str, world: str, budget: Budget) -> Path:
-    """Return the student of a modality that all begin as; made if it is not there yet. Returns the policy's folder."""
+    """Return the folder of the student of a modality that all begin as, trained if it is not there yet."""
     variant = Variant(f"{modality}-start", world, modality=modality, teacher=TEACHER)
     return trained(runs, variant, START_SEED, budget) / "checkpoints" / "best"
 
 
 def states(folder: Path, seen_in: Mapping[str, str], seed: int, steps: int) -> dict[str, Any]:
-    """`pictured` states of these worlds, from `folder` where they are there."""
+    """Return the `pictured` states of these worlds, from `folder` where they are there."""
     from vispeg.learn.experience.replay import Replay
     from vispeg.learn.methods.rounds import keep_ring, kept_ring
     from vispeg.task.environments.vector import TaskVec
@@ -116,10 +116,9 @@ def states(folder: Path, seen_in: Mapping[str, str], seed: int, steps: int) -> d
 
 
 def learned(out: Path, begin: Path, world: str, ring: Any, seed: int, updates: int) -> Path:
-    """Return the student `begin` after `updates` of imitation in a world's pictures; returns its folder,
-    OUT/checkpoints/best.
+    """Train the student `begin` by `updates` of imitation in a world's pictures; return `out`.
 
-    A policy that is there is not learned again.
+    The policy is in OUT/checkpoints/best; one that is there is not learned again.
     """
     import torch
 
@@ -139,7 +138,7 @@ def learned(out: Path, begin: Path, world: str, ring: Any, seed: int, updates: i
 
 
 def believed(folder: Path, ring: Any) -> list[float]:
-    """Mean lateral distance in mm between the goal and where a policy believes it to be, by row of pictured states."""
+    """Return the mean lateral error in mm of a policy's believed goal, by row of pictured states."""
     from vispeg.learn.layout import ESTIMATE, OFFSET_M, PRIVILEGED
     from vispeg.learn.policy import load
     from vispeg.render.image_kinds import kind_of
@@ -158,7 +157,7 @@ def believed(folder: Path, ring: Any) -> list[float]:
 
 
 def policies(given: Any, budget: Budget, places: Mapping[str, str]) -> Iterator[tuple[str, Path]]:
-    """Name and run folder of every policy, each as soon as it is trained."""
+    """Yield name and run folder of every policy, each as soon as it is trained."""
     begin = {m: start(given.runs, m, places[NOTHING], budget) for m in given.modalities}
     for seed in given.seeds:
         folder = given.runs / "states" / f"seed-{seed}-{given.states}"
@@ -171,7 +170,7 @@ def policies(given: Any, budget: Budget, places: Mapping[str, str]) -> Iterator[
 
 
 def belief(given: Any, run: Path, judged: Mapping[str, Any]) -> dict[str, list[float]]:
-    """`believed` of a run's policy by judged world; kept in a file."""
+    """Return `believed` of a run's policy by judged world; kept in a file."""
     path = given.runs / "believed" / f"{run.name}-{given.updates}.json"
     if not path.is_file():
         values = {w: believed(run / "checkpoints" / "best", ring) for w, ring in judged.items()}
@@ -181,7 +180,7 @@ def belief(given: Any, run: Path, judged: Mapping[str, Any]) -> dict[str, list[f
 
 
 def main() -> None:
-    """Trains, judges, writes OUT/importance.json and OUT/importance.md."""
+    """Train, judge, write OUT/importance.json and OUT/importance.md."""
     parser = arguments.parser(__doc__ or "")
     parser.set_defaults(steps=3_000, every=600, judged=10, episodes=16, runs=Path("runs/importance"))
     parser.add_argument("--modalities", nargs="+", choices=MODALITIES, default=list(MODALITIES), help="what is seen")
@@ -205,7 +204,7 @@ def main() -> None:
 
 
 def written(given: Any, budget: Budget, episodes: Any, errors: Mapping[str, Any], done: list[str]) -> None:
-    """Both files, from what is done."""
+    """Write both files, from what is done."""
     tables = [success_table(episodes, load_world(world).name) for world in given.worlds]
     rows = (*factors(), "all of them")
     costs = {f"{m}, {t['world']}": lost(t, m) for m in given.modalities for t in tables}

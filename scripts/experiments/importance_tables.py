@@ -34,14 +34,14 @@ def lost(table: Mapping[str, Any], modality: str) -> list[dict[str, Any]]:
 
 
 def factor_left(policy: str, modality: str) -> str:
-    """`lights` of `depth-no-lights`, `all of them` of `depth-nothing`; "" for another policy."""
+    """Return the factor left out: `lights` of `depth-no-lights`, `all of them` of `depth-nothing`; else ""."""
     if policy == f"{modality}-{NOTHING}":
         return "all of them"
     return policy.removeprefix(f"{modality}-no-") if policy.startswith(f"{modality}-no-") else ""
 
 
 def farther(errors: Mapping[str, np.ndarray], modality: str) -> list[dict[str, Any]]:
-    """How much farther off a policy that was trained without a factor believes the goal to be, worst first.
+    """Return how much farther off a policy trained without a factor believes the goal to be, worst first.
 
     Args:
         errors: policy -> (training seeds, rows) lateral error in mm, the same rows for all.
@@ -61,7 +61,7 @@ def farther(errors: Mapping[str, np.ndarray], modality: str) -> list[dict[str, A
 
 
 def order(columns: Mapping[str, Sequence[Mapping[str, Any]]], rows: Sequence[str], said: Callable[[float], str]) -> str:
-    """Markdown: a row a factor, a column of costs with their intervals; `-` where a policy was not trained yet.
+    """Return Markdown: a row a factor, a column of costs with their intervals; `-` where a policy is not trained yet.
 
     Args:
         columns: title -> rows of `lost` or `farther`.
@@ -83,17 +83,17 @@ def _range(row: Mapping[str, Any], said: Callable[[float], str]) -> str:
 
 
 def points(share: float) -> str:
-    """0.124 as +12."""
+    """Word a share in points: 0.124 as +12."""
     return f"{100 * share:+.0f}"
 
 
 def millimetres(value: float) -> str:
-    """1.234 as +1.2."""
+    """Word a length in mm: 1.234 as +1.2."""
     return f"{value:+.1f}"
 
 
 def not_trained(missing: Mapping[int, Sequence[str]], of: int) -> str:
-    """Which policies the tables lack, in a sentence.
+    """Word which policies the tables lack, in a sentence.
 
     Args:
         missing: by training seed, names of those that are not trained yet.

@@ -24,7 +24,7 @@ GROUPS = {"position": range(0, 3), "velocity": range(3, 6), "wrench": range(6, 1
 
 
 def inputs(policy: NetPolicy, world: str, steps: int, seed: int) -> tuple[np.ndarray, np.ndarray, int]:
-    """Scaled inputs (n, k) of played steps, whether there was contact (n,), and the size of one observation."""
+    """Return scaled inputs (n, k) of played steps, whether there was contact (n,), and the size of one observation."""
     env = PegInHoleVec(16, world=world, stack=policy.meta["task"]["stack"], privileged=True)
     obs, _ = env.reset(seed=seed)
     policy.reset(16)
@@ -40,7 +40,7 @@ def inputs(policy: NetPolicy, world: str, steps: int, seed: int) -> tuple[np.nda
 
 
 def main() -> None:
-    """Return a line for each policy, in contact and in free air."""
+    """Print a line for each policy, in contact and in free air."""
     made = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     made.add_argument("policies", type=Path, nargs="+", help="folders of policies without images or memory")
     made.add_argument("--world", default="randomized")

@@ -17,7 +17,7 @@ ROUNDED = 1e-9  # an error no greater is none
 
 
 def in_contact(episode: Episode) -> float:
-    """Seconds of an episode, in whole steps of the policy, in which more than `TOUCH` acted."""
+    """Return the seconds of an episode, in whole steps of the policy, in which more than `TOUCH` acted."""
     force = np.array(episode.force_profile or ())
     return float(np.mean(force > TOUCH)) * episode.time if force.size else float("nan")
 
@@ -30,7 +30,7 @@ MEASURES: dict[str, tuple[Callable[[Episode], float], str]] = {
 
 
 def errors(plant: Sequence[Episode], models: Mapping[str, Sequence[Episode]], first: str) -> dict[str, Any]:
-    """Errors of models against the plant, each episode against the one with its seed.
+    """Return the errors of models against the plant, each episode against the one with its seed.
 
     Args:
         plant: episodes of one policy in the plant.
@@ -43,15 +43,15 @@ def errors(plant: Sequence[Episode], models: Mapping[str, Sequence[Episode]], fi
         {value, low, high} with the 95 % percentile interval of a bootstrap over episodes, the same draws for all.
     """
     seeds = [e.seed for e in plant]
-    if any([e.seed for e in some] != seeds for some in models.values()):
+    if any([e.seed for e in played] != seeds for played in models.values()):
         raise ValueError("episodes are paired by their seeds")
     draws = stream(0, "model errors").integers(len(seeds), size=(RESAMPLED, len(seeds)))
     out: dict[str, Any] = {"episodes": len(seeds), "success": {}, "measures": {}}
-    for name, some in {"plant": plant, **models}.items():
-        out["success"][name] = wilson(sum(e.success for e in some), len(some)).to_json()
+    for name, played in {"plant": plant, **models}.items():
+        out["success"][name] = wilson(sum(e.success for e in played), len(played)).to_json()
     for measure, (value, unit) in MEASURES.items():
         truth = np.array([value(e) for e in plant])
-        off = {name: np.abs(np.array([value(e) for e in some]) - truth) for name, some in models.items()}
+        off = {name: np.abs(np.array([value(e) for e in played]) - truth) for name, played in models.items()}
         row: dict[str, Any] = {"unit": unit, "plant": _interval(truth.mean(), truth[draws].mean(axis=1))}
         row["error"] = {name: _interval(d.mean(), d[draws].mean(axis=1)) for name, d in off.items()}
         row["ratio"] = {name: _ratio(d, off[first], draws) for name, d in off.items() if name != first}
@@ -61,10 +61,10 @@ def errors(plant: Sequence[Episode], models: Mapping[str, Sequence[Episode]], fi
 
 def _ratio(d: np.ndarray, base: np.ndarray, draws: np.ndarray) -> dict[str, float | None]:
     below = base[draws].mean(axis=1)
-    some = below > ROUNDED
-    if base.mean() <= ROUNDED or not some.any():
+    known = below > ROUNDED
+    if base.mean() <= ROUNDED or not known.any():
         return {"value": None, "low": None, "high": None}
-    return _interval(d.mean() / base.mean(), d[draws].mean(axis=1)[some] / below[some])
+    return _interval(d.mean() / base.mean(), d[draws].mean(axis=1)[known] / below[known])
 
 
 def _interval(value: float, drawn: np.ndarray) -> dict[str, float | None]:

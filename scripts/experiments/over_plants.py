@@ -13,7 +13,7 @@ HARD = 0.8  # success of the second way below which a plant is a hard one
 
 
 def compared(tables: Sequence[Mapping[str, Any]], first: str, second: str) -> dict[str, Any]:
-    """Success of `first` less that of `second` over plants.
+    """Return the success of `first` less that of `second` over plants.
 
     Args:
         tables: a `success_table` of each plant.
@@ -44,7 +44,7 @@ def compared(tables: Sequence[Mapping[str, Any]], first: str, second: str) -> di
 
 
 def mean_difference(differences: Sequence[float]) -> dict[str, Any]:
-    """{value, low, high, n, p} of the mean over plants; the exact sign-flip test is Fisher's (1935)."""
+    """Return {value, low, high, n, p} of the mean over plants; the exact sign-flip test is Fisher's (1935)."""
     d = np.asarray(differences, float)
     if d.size < 2:
         return {"value": float(d[0]) if d.size else None, "low": None, "high": None, "n": int(d.size), "p": None}
@@ -72,7 +72,7 @@ def markdown(found: Mapping[str, Any]) -> str:
 
 
 def _verdict(table: Mapping[str, Any], first: str, second: str) -> tuple[float, bool]:
-    """Lower bound of first less second within a plant, and whether first is better by the project's rule."""
+    """Return the lower bound of first less second in a plant, and whether first is better by the project's rule."""
     for c in table["comparisons"]:
         d, different = c["difference"], c["verdict"] == "different"
         if (c["first"], c["second"]) == (first, second):

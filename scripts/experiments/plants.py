@@ -14,9 +14,8 @@ from vispeg.task.world_file import BUILT_IN, FORMAT
 
 BUNDLED = BUILT_IN / "parts" / "plant.yaml"
 JOINTS = [f"joint{j}" for j in range(1, 8)]
-DRY = np.array(
-    [1.6, 1.6, 1.0, 1.0, 0.5, 0.3, 0.3]
-)  # N m, of a joint at strength 1: what harmonic drives of its size have
+# N m, of a joint at strength 1: what harmonic drives of its size have
+DRY = np.array([1.6, 1.6, 1.0, 1.0, 0.5, 0.3, 0.3])
 SOURCE = "held out: drawn by scripts/experiments/plants.py"
 
 
@@ -32,9 +31,8 @@ def hidden_plant(number: int, folder: Path) -> Path:
     strength = rng.uniform(0.5, 1.5)
     effects = [*_arm(rng, strength), *_cell(rng, strength)]
     about = f"Hidden plant {number}: {strength:.2f} times the strength of the bundled one."
-    name = f"plant-{number}"
-    data = {"format": FORMAT, "name": name, "about": about, "base": "goal.yaml", "effects": effects}
-    data["base"] = str(BUNDLED.with_name("goal.yaml"))
+    name, base = f"plant-{number}", str(BUNDLED.with_name("goal.yaml"))
+    data = {"format": FORMAT, "name": name, "about": about, "base": base, "effects": effects}
     return write_text_atomic(folder / f"{name}.yaml", yaml.safe_dump(data, sort_keys=False), overwrite=True)
 
 

@@ -1,4 +1,4 @@
-"""What both experiments write: a JSON file with its command, versions, worlds and budget."""
+"""What the experiments write: a JSON file with its command, versions, worlds and budget."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ NEW_LOOK = 8  # steps after which a row is seen in another look, so that few sta
 
 
 def pictured(worlds: Mapping[str, str], teacher: str, seed: int, rows: int, steps: int, noise: float = 0.3) -> dict:
-    """States of a teacher whose actions are disturbed, with its own actions as labels, as every world's cameras see it.
+    """Return a disturbed teacher's states, with its own actions as labels, as every world's cameras see them.
 
     Args:
         worlds: name -> world; the first one's physics is played.

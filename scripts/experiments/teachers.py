@@ -20,7 +20,7 @@ from vispeg.task.peg.task import PegInHoleVec
 
 
 def judged(name: str, world: str, episodes: int, seed: int, rows: int = 20) -> list[str]:
-    """Categories of the episodes of the seeds from `seed` on, in blocks of `rows`."""
+    """Return the categories of the episodes of the seeds from `seed` on, played in blocks of `rows`."""
     ends: list[str] = []
     while len(ends) < episodes:
         seeds = list(range(seed + len(ends), seed + min(len(ends) + rows, episodes)))
@@ -38,7 +38,7 @@ def judged(name: str, world: str, episodes: int, seed: int, rows: int = 20) -> l
 
 
 def main() -> None:
-    """Return a line for each teacher and world."""
+    """Print a line for each teacher and world."""
     made = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     made.add_argument("teachers", nargs="+", help="names or folders of policies that know the state, or expert")
     made.add_argument("--worlds", nargs="+", default=["randomized", "randomized-readings"])

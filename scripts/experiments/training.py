@@ -93,7 +93,7 @@ def rounds(variant: Variant, budget: Budget) -> dict[str, int]:
 
 
 def run_folder(runs: Path, variant: Variant, seed: int) -> Path:
-    """Where a run lies."""
+    """Return the folder of a run."""
     return runs / f"{variant.name}_s{seed}"
 
 
@@ -135,7 +135,7 @@ def trained(runs: Path, variant: Variant, seed: int, budget: Budget) -> Path:
 
 
 def steps_done(folder: Path) -> int:
-    """Environment steps up to the run's last evaluation; 0 before its first."""
+    """Return the environment steps up to the run's last evaluation; 0 before its first."""
     path = folder / "progress.csv"
     lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
     return int(lines[-1].split(",")[0]) if len(lines) > 1 else 0

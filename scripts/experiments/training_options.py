@@ -71,7 +71,7 @@ STUDIES = {
 
 
 def main() -> None:
-    """Trains, judges; writes OUT/training_STUDY.json and .md, and a picture beside them."""
+    """Train, judge; write OUT/training_STUDY.json and .md, and the pictures."""
     parser = arguments.parser(__doc__ or "")
     parser.add_argument("--study", nargs="+", choices=STUDIES, default=list(STUDIES), help="what is compared")
     parser.add_argument("--pictures", type=Path, default=Path("docs/img"), help="folder of the pictures")

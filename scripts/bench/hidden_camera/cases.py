@@ -48,7 +48,7 @@ class Case:
     kind: str
     hidden: tuple[tuple[str, str, tuple[tuple[str, float], ...]], ...]
     unknown: str
-    robot: float  # m at the flange, 1 sigma
+    robot: float  # m, 1 sigma of the flange's position error
     seed: int
 
     @property
@@ -58,11 +58,11 @@ class Case:
 
 
 def cases(first: int) -> list[Case]:
-    """All cases, numbered from a first seed: others have other looks, errors and noise."""
+    """Return all cases, numbered from the seed `first`; another seed gives other looks, errors and noise."""
     out: list[Case] = []
 
     def add(name: str, kind: str, hidden=(), unknown: str = "") -> None:
-        robot = (1e-4, 1e-3)[len(out) % 2]
+        robot = (1e-4, 1e-3)[len(out) % 2]  # in turn
         out.append(Case(f"{name}/{1000 * robot:g}mm", kind, tuple(hidden), unknown, robot, first + len(out)))
 
     for effect, sizes in SINGLE.items():

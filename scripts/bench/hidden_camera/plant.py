@@ -30,7 +30,7 @@ from vispeg.worlds.world import World
 
 CELL = World("iiwa14", "meg50+peg16", cell=CellBelief("nominal"))
 SIZE, SECONDS, RATE = (320, 240), 16.0, 200.0
-LEVER = 0.8  # m a rad of a joint's error, at the flange
+LEVER = 0.8  # m/rad, position error of the flange over the error of a joint
 SLOW = 0.4  # s between the knots of the robot's error
 DISPARITY = 0.05 * 425 / 1e-2  # px m: baseline times focal length over the smallest step that the sensor tells apart
 BEND = np.radians(1.5)
@@ -115,8 +115,8 @@ def _sensed(frame: RecordedFrame, rng: np.random.Generator, wet: bool) -> Record
 
 
 def _bent(scene, q: np.ndarray) -> np.ndarray:
-    """Joint angles whose straight flange stands as the bent one does at q: camera and tool turn together."""
-    few = q[::20]
+    """Return joint angles at which a straight flange has the pose of the bent one at q; camera and tool turn alike."""
+    few = q[::20]  # interpolated below
     nominal = nominal_of(scene.nominal, len(few))
     _, _, pos, quat, _ = nominal.operational(few)
     turned = (Rotation.from_quat(quat[:, [1, 2, 3, 0]]) * Rotation.from_rotvec([BEND, 0, 0])).as_quat()[:, [3, 0, 1, 2]]

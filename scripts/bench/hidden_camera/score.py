@@ -8,7 +8,7 @@ import numpy as np
 
 
 def judged(case, result: dict[str, Any]) -> dict[str, Any]:
-    """One case's row."""
+    """Return one case's row."""
     hidden = {(e, w): dict(v) for e, w, v in case.hidden}
     found = {(e["effect"], e["where"]): e for e in result["effects"]}
     among = set(found) | {(o["effect"], o["where"]) for e in found.values() for o in e["indistinguishable_from"]}
@@ -41,15 +41,15 @@ def judged(case, result: dict[str, Any]) -> dict[str, Any]:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Markdown of all rows, with the shares on top."""
+    """Return all rows as Markdown, with the shares on top."""
     every = [r for r in rows if r["kind"] in ("single", "pair")]
     single = [r for r in every if not r["silent"]]
     silent = [r for r in rows if r["silent"]]
     none, unknown = ([r for r in rows if r["kind"] == k] for k in ("none", "unknown"))
     inside = [x for r in single for x in r["inside"]]
 
-    def share(some: list[bool]) -> str:
-        return f"{sum(some)} of {len(some)}" if some else "-"
+    def share(flags: list[bool]) -> str:
+        return f"{sum(flags)} of {len(flags)}" if flags else "-"
 
     lines = ["| what | result |", "|---|---|"]
     lines.append(
@@ -69,8 +69,9 @@ def table(rows: list[dict[str, Any]]) -> str:
         lines.append(f"| processor time of a diagnosis, median | {np.median([r['cpu'] for r in rows]):.0f} s |")
     lines += ["", "| case | verdict | named | right |", "|---|---|---|---|"]
     for r in rows:
-        ok = not r["named"] if r["silent"] else r["right"] if r["kind"] in ("single", "pair") else (
-            not r["named"] if r["kind"] == "none" else r["verdict"] == "unexplained"
-        )  # fmt: skip
+        if r["silent"] or r["kind"] == "none":
+            ok = not r["named"]
+        else:
+            ok = r["right"] if r["kind"] in ("single", "pair") else r["verdict"] == "unexplained"
         lines.append(f"| {r['case']} | {r['verdict']} | {', '.join(r['named']) or '-'} | {'yes' if ok else 'no'} |")
     return "\n".join(lines) + "\n"

@@ -12,7 +12,7 @@ HOME = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])  # rad, where the search 
 
 
 def matrix(quat: np.ndarray) -> np.ndarray:
-    """Rotation (..., 3, 3) of quaternions (..., 4) wxyz of any length."""
+    """Return rotations (..., 3, 3) of quaternions (..., 4) wxyz of any length."""
     w, x, y, z = np.moveaxis(quat / np.linalg.norm(quat, axis=-1, keepdims=True), -1, 0)
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -23,7 +23,7 @@ def matrix(quat: np.ndarray) -> np.ndarray:
 
 
 def quaternion(rot: np.ndarray) -> np.ndarray:
-    """Quaternions (n, 4) wxyz of rotations (n, 3, 3), by the largest of the four components."""
+    """Return quaternions (n, 4) wxyz of rotations (n, 3, 3), by the largest of the four components."""
     d = np.stack(
         [
             1 + rot[:, 0, 0] + rot[:, 1, 1] + rot[:, 2, 2],
@@ -46,7 +46,7 @@ def quaternion(rot: np.ndarray) -> np.ndarray:
 
 
 def turn(vector: np.ndarray) -> np.ndarray:
-    """Rotation (n, 3, 3) by rotation vectors (n, 3), rad (Rodrigues)."""
+    """Return rotations (n, 3, 3) by rotation vectors (n, 3), rad (Rodrigues)."""
     angle = np.linalg.norm(vector, axis=1)[:, None, None]
     k = cross_matrix(vector)
     a = np.where(angle > 1e-9, np.sin(angle) / np.maximum(angle, 1e-12), 1.0)
@@ -55,14 +55,14 @@ def turn(vector: np.ndarray) -> np.ndarray:
 
 
 def cross_matrix(v: np.ndarray) -> np.ndarray:
-    """Matrices (n, 3, 3) with `cross_matrix(v) @ x = v x x`."""
+    """Return matrices (n, 3, 3) with `cross_matrix(v) @ x = v x x`."""
     out = np.zeros((len(v), 3, 3))
     out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
     return out - np.swapaxes(out, 1, 2)
 
 
 def rotation_vector(rot: np.ndarray) -> np.ndarray:
-    """Rotation vectors (n, 3), rad, of rotations (n, 3, 3) of less than half a turn."""
+    """Return rotation vectors (n, 3), rad, of rotations (n, 3, 3) of less than half a turn."""
     v = np.stack([rot[:, 2, 1] - rot[:, 1, 2], rot[:, 0, 2] - rot[:, 2, 0], rot[:, 1, 0] - rot[:, 0, 1]], axis=1)
     sine = 0.5 * np.linalg.norm(v, axis=1, keepdims=True)
     angle = np.arctan2(sine, 0.5 * (np.trace(rot, axis1=1, axis2=2) - 1)[:, None])
@@ -70,7 +70,7 @@ def rotation_vector(rot: np.ndarray) -> np.ndarray:
 
 
 def forward(q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Flange position (n, 3), rotation (n, 3, 3) and Jacobian (n, 6, 7), base frame, of joint angles (n, 7)."""
+    """Return flange position (n, 3) m, rotation (n, 3, 3) and Jacobian (n, 6, 7) in the base, of angles (n, 7) rad."""
     pos, rot, axes, at = _chain(q)
     tip = pos + rot @ FLANGE
     jac = np.stack([np.concatenate([np.cross(z, tip - p), z], axis=1) for z, p in zip(axes, at, strict=True)], axis=2)
@@ -93,9 +93,12 @@ def _chain(q: np.ndarray):
 
 
 def joints(pos: np.ndarray, rot: np.ndarray, steps: int = 12) -> np.ndarray:
-    """Joint angles (n, 7) that bring the flange to (n, 3), (n, 3, 3): Newton's steps of least norm from HOME.
+    """Return joint angles (n, 7) rad at flange poses (n, 3) m, (n, 3, 3): Newton's steps of least norm from HOME.
 
-    All samples start alike, so that the elbow moves smoothly along a smooth path. Raises ValueError out of reach.
+    All samples start from the same angles, so that the elbow moves smoothly along a smooth path.
+
+    Raises:
+        ValueError: out of reach.
     """
     q = np.tile(HOME, (len(pos), 1))
     for _ in range(steps):
@@ -109,7 +112,7 @@ def joints(pos: np.ndarray, rot: np.ndarray, steps: int = 12) -> np.ndarray:
 
 
 def apparent(q: np.ndarray) -> np.ndarray:
-    """(6, 6) kg, kg m, kg m^2: the bare arm's inertia felt at the flange at q (7,), `(J M^-1 J')^-1`."""
+    """Return the bare arm's inertia at the flange, `(J M^-1 J')^-1` at q (7,): (6, 6) kg, kg m, kg m^2."""
     _, _, axes, at = _chain(q[None])
     mass = np.zeros((7, 7))
     for i in range(7):
@@ -126,7 +129,7 @@ def apparent(q: np.ndarray) -> np.ndarray:
 
 
 def _link(q: np.ndarray, i: int) -> tuple[np.ndarray, np.ndarray]:
-    """Position (3,) and rotation (3, 3) of link i's frame."""
+    """Return position (3,) m and rotation (3, 3) of link i's frame."""
     pos, rot = np.zeros(3), np.eye(3)
     for k in range(i + 1):
         offset, quat = LINKS[k][:2]

@@ -53,7 +53,7 @@ UNKNOWN: dict[str, tuple[dict[str, float], ...]] = {
 
 @dataclass(frozen=True)
 class Case:
-    """What is hidden. `name` says it all; `key` says nothing."""
+    """What is hidden; `name` states it, `key` does not."""
 
     name: str
     kind: str  # single | pair | none | unknown
@@ -63,7 +63,7 @@ class Case:
 
     @property
     def key(self) -> str:
-        """Folder name, from which nobody can tell what is inside."""
+        """Folder name, which does not show what is hidden."""
         return hashlib.sha256(f"{self.seed}/{self.name}".encode()).hexdigest()[:10]
 
 
@@ -100,7 +100,7 @@ def hide(truth: Truth, effect: str, params: dict[str, float]) -> Truth:
 
 
 def cases(seed: int = SCORED) -> list[Case]:
-    """All cases, in the order of the tables."""
+    """Return all cases, in the order of the tables."""
     out = []
 
     def add(name: str, kind: str, parts: list[tuple[str, int]], extra: dict[str, float] | None = None) -> None:
@@ -127,22 +127,21 @@ def cases(seed: int = SCORED) -> list[Case]:
 
 
 def spread(value: float, draw: float, effect: str) -> float:
-    """Return a value with some random spread; for a scale, its distance from 1 is spread."""
-    if effect in ("wrench_gain",):
+    """Return a value times a random factor `draw`; of a wrench gain, its distance from 1 is multiplied."""
+    if effect == "wrench_gain":
         return 1 + (value - 1) * draw
     return value * draw
 
 
 def choose(patterns: tuple[str, ...], seed: int, limit: int | None) -> list[Case]:
-    """Cases whose name fits a pattern (all without one), at most `limit` of them, spread evenly.
+    """Return the cases whose name fits a pattern (all without one), at most `limit` of them, spread evenly.
 
     Raises:
         ValueError: no such case.
     """
-    every = cases(seed)
-    some = [c for c in every if not patterns or any(fnmatch.fnmatch(c.name, p) for p in patterns)]
-    if not some:
+    found = [c for c in cases(seed) if not patterns or any(fnmatch.fnmatch(c.name, p) for p in patterns)]
+    if not found:
         raise ValueError(f"no case fits {' '.join(patterns)}; --list shows them")
-    if limit is not None and limit < len(some):
-        some = [some[i] for i in np.linspace(0, len(some) - 1, limit).astype(int)]
-    return some
+    if limit is not None and limit < len(found):
+        found = [found[i] for i in np.linspace(0, len(found) - 1, limit).astype(int)]
+    return found

@@ -44,7 +44,7 @@ def _unit(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def contacts(tip: np.ndarray, axis: np.ndarray, s: Shape) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points (n, k, 3), normals on the peg (n, k, 3) and depths (n, k), positive where they overlap; hole's frame.
+    """Return points (n, k, 3) m, normals on the peg (n, k, 3) and depths (n, k) m, above 0 in overlap; hole's frame.
 
     Args:
         tip: (n, 3) centre of the peg's end.
@@ -119,8 +119,9 @@ def contacts(tip: np.ndarray, axis: np.ndarray, s: Shape) -> tuple[np.ndarray, n
 
 
 def gap(tip: np.ndarray, s: Shape) -> np.ndarray:
-    """Distance (n,) below which nothing can touch, m: of the rim's lowest possible point to the highest surface under
-    it.
+    """Return the distance (n,) m from the rim's lowest possible point to the highest surface under it.
+
+    Above 0 nothing can touch.
     """
     rho = np.hypot(tip[:, 0], tip[:, 1])
     high = np.where(rho < s.block + s.peg, s.pad, s.table)

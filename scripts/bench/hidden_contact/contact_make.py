@@ -16,13 +16,13 @@ from contact_motions import LIMIT, SETS, path
 from contact_plant import KD, KP, RATE, Log, Truth, held, run
 
 NOISE = {"q": 2e-5, "dq": 1e-3, "ft": 0.2, "ft_torque": 0.01}  # rad, rad/s, N, N m
-CROSS, LEVER = 0.01, 0.05  # cross-talk between channels; m, of a torque channel against a force
+CROSS, LEVER = 0.01, 0.05  # cross-talk between channels, 1 sigma; m, ratio of a torque to a force in it
 DRIFT = 0.2  # N over a recording
 PATH = (3e-5, 1.1e-4)  # m: standard deviation of the flange's position error along one axis
 WAVE = (0.06, 0.15)  # m: over which it changes
 EE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
-ASTRAY = 0.3  # m from its commanded path, which only a plant that diverged is
+ASTRAY = 0.3  # m, distance from the commanded path that only a plant that diverged reaches
 TOGETHER = 160  # recordings simulated at once
 
 
@@ -33,7 +33,7 @@ def stream(*words: object) -> np.random.Generator:
 
 
 def folders(root: Path, case: Case) -> dict[str, Path]:
-    """Where the recordings of a case lie, by name; the last one is judged on."""
+    """Return the folders of a case's recordings by name; the last one is judged on."""
     return {name: root / "recordings" / case.key / name for name in SETS}
 
 
@@ -83,7 +83,7 @@ def signals(log: Log, row: int, truth: Truth, seed: int, case: str, name: str) -
 
 
 def path_error(pos: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(t, 3) m: a smooth error of the flange's measured position over the workspace, 50 to 190 um long."""
+    """Draw a smooth error (t, 3) m of the flange's measured position over the workspace, 50 to 190 um long."""
     size = np.exp(rng.uniform(*np.log(PATH)))
     out = np.zeros_like(pos)
     for axis in range(3):
@@ -110,7 +110,7 @@ def wrench(true: np.ndarray, truth: Truth, own: np.random.Generator, common: np.
 
 
 def write(folder: Path, motion: str, limit: float, signals: dict[str, np.ndarray], command: tuple) -> None:
-    """One folder with recording.yaml and samples.csv; replaces an older one in a single rename."""
+    """Write a folder with recording.yaml and samples.csv; replace an older one in a single rename."""
     mass, com, inertia = held(Truth())
     inertia = inertia - mass * (com @ com * np.eye(3) - np.outer(com, com))
     head = {

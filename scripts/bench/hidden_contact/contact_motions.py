@@ -20,14 +20,14 @@ def _press(x: float, y: float, deep: float) -> list[Point]:
 
 
 def _slide(deep: float, far: float) -> list[Point]:
-    """Strokes along y, then along x, beside the hole: much longer than what the soft wrist gives way."""
+    """Return strokes along y, then along x, beside the hole, much longer than the soft wrist gives way; in mm."""
     out: list[Point] = [(0.3, 30, 0, 2, 0, 0, 0), (0.4, 30, 0, -deep, 0, 0, 0)]
     out += [(0.5, 30, far, -deep, 0, 0, 0), (0.9, 30, -far, -deep, 0, 0, 0), (0.5, 30, 0, -deep, 0, 0, 0)]
     return [*out, (0.4, 42, 0, -deep, 0, 0, 0), (0.6, 20, 0, -deep, 0, 0, 0), (0.2, 20, 0, 4, 0, 0, 0)]
 
 
 def _insert(depths: tuple[float, ...], far: tuple[float, ...], yaw: float = 0.0) -> list[Point]:
-    """In to each depth, and there around the wall, led `far` beyond it: the soft wrist makes a force of that."""
+    """Return insertions to each depth, and there commands `far` beyond the wall in turn, which press on it; in mm."""
     out: list[Point] = [(0.4, 0, 0, 4, 0, 0, yaw)]
     for d, r in zip(depths, far, strict=True):
         out += [(0.4, 0, 0, -d, 0, 0, yaw)]
@@ -88,7 +88,7 @@ def points(names: tuple[str, ...]) -> list[Point]:
 
 
 def path(names: tuple[str, ...], rate: float = RATE) -> tuple[np.ndarray, np.ndarray]:
-    """Commanded flange positions (t, 3) and rotations (t, 3, 3), base frame: minimum jerk from point to point.
+    """Return commanded flange positions (t, 3) m and rotations (t, 3, 3), base frame: minimum jerk between points.
 
     Source: Flash and Hogan, J. Neuroscience 5(7), 1985.
     """

@@ -22,7 +22,7 @@ TIP, CENTRE = 0.185, 0.145  # m under the flange: the peg's end, its middle
 PEG, LENGTH = 0.008, 0.08  # m: radius, length
 FINE, COARSE = 2.5e-4, 1e-3  # s
 RATE = 500.0  # Hz
-KP = np.array([300.0] * 3 + [1000.0] * 3)  # a wrist that gives way by more than strokes are long slides nowhere
+KP = np.array([300.0] * 3 + [1000.0] * 3)  # 1/s^2; on a softer wrist the strokes would not slide
 KD = 2 * np.sqrt(KP)
 HOLD = 120.0  # N: the grip's friction along the peg
 LAG = 0.004  # s, least: dashpot over spring of a peg that gives way in the fingers
@@ -75,7 +75,7 @@ def column(truths: list[Truth], name: str) -> np.ndarray:
 
 
 def nominal_tool() -> tuple[float, np.ndarray, np.ndarray]:
-    """Mass, centre (3,) and inertia (3, 3) about the flange of the gripper: a housing and two fingers, boxes."""
+    """Return mass, centre (3,) and inertia (3, 3) about the flange of the gripper: a housing and two fingers, boxes."""
     boxes = [(0.62, (0.08, 0.05, 0.10), (0, 0, 0.05))]
     boxes += [(0.04, (0.012, 0.02, 0.045), (sign * (PEG + 0.006), 0, 0.1225)) for sign in (1, -1)]
     total, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
@@ -87,7 +87,7 @@ def nominal_tool() -> tuple[float, np.ndarray, np.ndarray]:
 
 
 def held(truth: Truth) -> tuple[float, np.ndarray, np.ndarray]:
-    """Mass, centre (3,) and inertia (3, 3) about the flange of gripper and peg together, flange axes."""
+    """Return mass, centre (3,) and inertia (3, 3) about the flange of gripper and peg together, flange axes."""
     m, com, inertia = nominal_tool()
     new = m + truth.tool
     inertia = inertia * new / m
@@ -103,7 +103,7 @@ def held(truth: Truth) -> tuple[float, np.ndarray, np.ndarray]:
 
 
 def spatial(m: np.ndarray, com: np.ndarray, inertia: np.ndarray) -> np.ndarray:
-    """(n, 6, 6) inertia at the flange: force and torque of linear and angular acceleration there."""
+    """Return the inertia (n, 6, 6) at the flange: force and torque over linear and angular acceleration there."""
     out = np.zeros((len(m), 6, 6))
     k = cross_matrix(com) * m[:, None, None]
     out[:, :3, :3] = m[:, None, None] * np.eye(3)
@@ -172,7 +172,7 @@ class Plant:
         self.stored = np.zeros(n)
 
     def control(self, pos: np.ndarray, rot: np.ndarray) -> None:
-        """Khatib's law towards flange poses (n, 3), (n, 3, 3); its force is cut at the limit."""
+        """Apply Khatib's law towards flange poses (n, 3), (n, 3, 3); its force is cut at the limit."""
         error = np.concatenate([pos - self.pos, rotation_vector(rot @ np.swapaxes(self.rot, 1, 2))], axis=1)
         ask = (KP * error - KD * np.concatenate([self.vel, self.spin], axis=1)) @ self.law.T
         size = np.linalg.norm(ask[:, :3], axis=1)
@@ -180,12 +180,12 @@ class Plant:
         self.command = ask
 
     def near(self) -> bool:
-        """Whether any row may touch something within a coarse step."""
+        """Test whether any row may touch something within a coarse step."""
         self._place()
         return bool((gap(self.tip, self.shape) < 2e-3).any())
 
     def _place(self) -> tuple[np.ndarray, ...]:
-        """Tip and axis in the hole's frame, the hole's rotation, the tip and the frame's origin in the base."""
+        """Return tip and axis in the hole's frame, the hole's rotation, the tip and the frame's origin in the base."""
         n = self.n
         turned = self.rot @ _small(self.askew, self.peg[:, 3:])
         middle = np.column_stack([self.grip[:, :2] + self.peg[:, :2], CENTRE + self.grip[:, 2] + self.peg[:, 2]])
@@ -199,7 +199,7 @@ class Plant:
         return self.tip, axis, frame, tip, origin
 
     def step(self, h: float) -> None:
-        """One step of h seconds under the held command."""
+        """Advance by h seconds under the held command."""
         local, axis, frame, tip, origin = self._place()
         push, torque_fixture, contact = np.zeros((self.n, 3)), np.zeros((self.n, 3)), np.zeros((self.n, 6))
         self.stored = np.zeros(self.n)
@@ -235,7 +235,7 @@ class Plant:
         return np.concatenate([(back @ needed[:, :3, None])[:, :, 0], (back @ needed[:, 3:, None])[:, :, 0]], axis=1)
 
     def _touch(self, local, axis, frame, tip, origin, h):
-        """Contact force on the peg, its torque about the fixture's origin, and its wrench about the flange; base."""
+        """Return the contact force on the peg, its torque about the fixture's origin, its wrench at the flange."""
         back = np.swapaxes(frame, 1, 2)
         points, normals, depth = contacts(local, axis, self.shape)
         world = origin[:, None] + points @ back
@@ -275,7 +275,7 @@ class Plant:
         return push, at_origin, np.concatenate([push, at_flange], axis=1)
 
     def _friction(self, g: int, load: np.ndarray, face: np.ndarray, slide: np.ndarray, h: float) -> np.ndarray:
-        """Force (n, 3) of a patch: a spring of half the contact's stiffness with a dashpot, cut at the cone."""
+        """Return a patch's force (n, 3) N: a spring of half the contact's stiffness with a dashpot, cut at the cone."""
         z = self.bristle[:, g] + h * slide
         z = z - np.sum(z * face, axis=1)[:, None] * face
         z[load <= 0] = 0.0
@@ -300,13 +300,13 @@ class Plant:
         """Let what gives way move towards its springs' rest under the load, with a lag; the peg slips and rattles."""
         if self.give.any():
             load = np.concatenate([-push, -torque[:, :2]], axis=1)
-            some, spring = self.give > 0, 1 / np.maximum(self.give, 1e-12)
+            gives, spring = self.give > 0, 1 / np.maximum(self.give, 1e-12)
             drag = 2 * 0.5 * np.sqrt(spring * FIXTURE)
             speed = self.yielding + h * (load - spring * self.yielded) / FIXTURE
-            self.yielding = np.where(some, speed / (1 + h * drag / FIXTURE), 0.0)
+            self.yielding = np.where(gives, speed / (1 + h * drag / FIXTURE), 0.0)
             self.yielded = self.yielded + h * self.yielding
             self.stored = self.stored + 0.5 * np.sum(
-                np.where(some, spring * self.yielded**2 + FIXTURE * self.yielding**2, 0.0), axis=1
+                np.where(gives, spring * self.yielded**2 + FIXTURE * self.yielding**2, 0.0), axis=1
             )
         back = np.swapaxes(self.rot, 1, 2)
         force = (back @ push[:, :, None])[:, :, 0]  # on the peg, flange axes
@@ -325,7 +325,7 @@ class Plant:
 
     @property
     def energy(self) -> np.ndarray:
-        """(n,) J: of motion, of the contacts' springs and of the tool's weight that nothing compensates."""
+        """Energy (n,) J of motion, of the contacts' springs and of the tool's weight that nothing compensates."""
         motion = np.concatenate([self.vel, self.spin], axis=1)
         lever = (self.rot @ self.com[:, :, None])[:, :, 0]
         lever0 = (self.rot @ self.com0[:, :, None])[:, :, 0]
@@ -335,17 +335,18 @@ class Plant:
 
 
 def _by_way(size: np.ndarray) -> np.ndarray:
-    """Sum (n, 2) of contacts (n, k): on planes, across the peg."""
+    """Sum contacts (n, k) to (n, 2): on planes, across the peg."""
     return np.stack([size[:, ACROSS == 0].sum(axis=1), size[:, ACROSS == 1].sum(axis=1)], axis=1)
 
 
 def _rpy(angles: np.ndarray) -> np.ndarray:
-    """Ry(pitch) Rx(roll), (n, 3, 3), of (n, 2) rad."""
+    """Return Ry(pitch) Rx(roll), (n, 3, 3), of roll and pitch (n, 2) rad."""
     zero = np.zeros(len(angles))
     return turn(np.stack([zero, angles[:, 1], zero], axis=1)) @ turn(np.stack([angles[:, 0], zero, zero], axis=1))
 
 
 def _approx(v: np.ndarray) -> np.ndarray:
+    """Return `turn(v)`, faster where all are 0."""
     return turn(v) if v.any() else np.tile(np.eye(3), (len(v), 1, 1))
 
 
@@ -355,14 +356,14 @@ def _small(base: np.ndarray, angles: np.ndarray) -> np.ndarray:
 
 
 def _turned(inertia: np.ndarray, rot: np.ndarray) -> np.ndarray:
-    """Spatial inertia (n, 6, 6) in the axes that `rot` (n, 3, 3) turns the old ones into."""
+    """Return a spatial inertia (n, 6, 6) in the axes that `rot` (n, 3, 3) turns the old ones into."""
     both = np.zeros((len(rot), 6, 6))
     both[:, :3, :3] = both[:, 3:, 3:] = rot
     return both @ inertia @ np.swapaxes(both, 1, 2)
 
 
 def run(truths: list[Truth], pos: np.ndarray, rot: np.ndarray, limit: np.ndarray) -> Log:
-    """Plants driven along commanded flange poses pos (n, t, 3), rot (n, t, 3, 3), one a control tick of 1 / RATE s."""
+    """Drive plants along flange poses pos (n, t, 3) m, rot (n, t, 3, 3), one per control tick of 1 / RATE s."""
     n, ticks = pos.shape[:2]
     plant = Plant(truths, pos[:, 0], rot[:, 0], limit)
     log = Log(*(np.zeros((n, ticks, *s)) for s in ((3,), (3, 3), (6,), (3,), (3,), ())))

@@ -24,8 +24,9 @@ ITERATIONS = 6  # as a search has
 
 
 def reference(judge: Path, hidden: list[dict], fit: list[Path]) -> dict:
-    """Held-out errors, N RMS, of the nominal model and of the true effects, fitted from their true values; what the
-    ladder says (`before`, `after`), and of plain forces over all phases (`plain_before`, `plain_after`).
+    """Return the held-out errors, N RMS, of the nominal model and of the true effects, fitted from their true values.
+
+    `before` and `after` are as in a diagnosis' ladder, `plain_before` and `plain_after` of plain forces in all phases.
     """
     evidence, judged = evidence_of([load(f) for f in fit]), evidence_of([load(judge)])
     world = World().add(*(EffectInstance.of(h["effect"], h["where"], **h["params"]) for h in hidden))
@@ -35,7 +36,7 @@ def reference(judge: Path, hidden: list[dict], fit: list[Path]) -> dict:
 
 
 def errors(judged: ContactEvidence, before: World, after: World) -> dict:
-    """See `reference`."""
+    """Return the errors of two models as in `reference`."""
     phases = phase_errors(judged, judged.simulated([before, after]))
     out = {}
     for key, world in (("before", before), ("after", after)):

@@ -62,7 +62,7 @@ def _called(case: Case, command: list[str]) -> tuple[dict, str | None]:
 
 
 def _cpu() -> float:
-    """Processor seconds of the children that ended."""
+    """Return the processor seconds of the children that ended."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
@@ -93,9 +93,9 @@ def run(
     workers: int = 1,
     engine: Engine = "local",
 ) -> list[dict]:
-    """Record that `work` makes of the chosen cases, each appended to `results` as it comes.
+    """Return the records that `work` makes of the chosen cases, each appended to `results` as it comes.
 
-    Those that are there are not run again.
+    Cases that `results` holds already are not run again.
     """
     records = finished(results, chosen[0].seed) if chosen else {}
     # in the order of their hashes, so that a run cut short is still an even sample of the list

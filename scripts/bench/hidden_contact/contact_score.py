@@ -33,13 +33,13 @@ def same_class(truth: Record, named: Record) -> bool:
 
 
 def silent(r: Record) -> bool:
-    """Whether the diagnosis itself says that these recordings could not show what is hidden in one of its effects."""
+    """Return whether the diagnosis itself says that the recordings could not show one of the hidden effects."""
     between = {(s["effect"], s["where"]): s["between"] for s in r.get("shows_from") or []}
     return any(_inside(t["params"], between.get((t["effect"], t["where"]))) for t in r["hidden"])
 
 
 def _inside(params: dict[str, float], between: dict[str, list[float] | None] | None) -> bool:
-    """Whether every hidden value is one that does not show."""
+    """Return whether every hidden value is in the range that does not show."""
     if between is None:
         return False
     ends = {k: between[k] for k in params if k in between}
@@ -67,7 +67,7 @@ def judge(r: Record) -> Record:
 
 
 def plain_fall(r: Record) -> float | None:
-    """How many times smaller the RMS of measured less predicted force became over all phases; None if nothing did.
+    """Return the factor by which the RMS of measured less predicted force fell over all phases; None if nothing did.
 
     The ladder's errors leave out what errors of sensor and kinematics explain.
     """
@@ -77,7 +77,7 @@ def plain_fall(r: Record) -> float | None:
 
 
 def values(records: Sequence[Record]) -> list[tuple[str, str, float, float, float | None, float | None]]:
-    """(effect, parameter, true, found, low, high) of every parameter of every effect that was named exactly."""
+    """Return (effect, parameter, true, found, low, high) of all parameters of effects that were named exactly."""
     out = []
     for r in records:
         for e in r["effects"]:
@@ -175,7 +175,7 @@ def _row(r: Record) -> tuple[str, ...]:
 
 
 def _found(e: Record) -> str:
-    """`` `hole_offset` x 0.90 [0.81, 0.98] mm ``: the parameters that were fitted."""
+    """Word the parameters that were fitted: `` `hole_offset` x 0.90 [0.81, 0.98] mm ``."""
     sizes = []
     for name, p in e["params"].items():
         if p.get("low") is not None and p.get("high") is not None:
@@ -193,19 +193,19 @@ def _unit(e: Record, name: str) -> str:
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
-    """Lines of a Markdown table."""
+    """Return the lines of a Markdown table."""
     line = lambda cells: "| " + " | ".join(map(str, cells)) + " |"  # noqa: E731
     return [line(heads), line(["---"] * len(heads)), *map(line, rows)]
 
 
 def middle(found: Iterable[float | None]) -> str:
-    """Median of what is known, three digits."""
+    """Return the median of the known values, three digits."""
     known = sorted(v for v in found if v is not None)
     return f"{known[len(known) // 2]:.3g}" if known else "-"
 
 
 def times(falls: Iterable[float | None]) -> str:
-    """Their median as words."""
+    """Return the median as words: `3.2-fold`."""
     median = middle(falls)
     return median if median == "-" else f"{median}-fold"
 

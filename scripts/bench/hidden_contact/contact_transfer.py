@@ -52,7 +52,7 @@ class Played:
 
 
 def in_model(effects: tuple[EffectInstance, ...], config: PegConfig, episodes: int) -> Played:
-    """Return the scripted policy in the project's cell with these effects."""
+    """Play the scripted policy in the project's cell with these effects."""
     told = EffectInstance.of("goal_imprecision", "hole", **dict(zip("xyz", MISTAKE, strict=True)))
     sim = TaskSimulation(World(effects=(*effects, told)), config, episodes)
     sim.reset(np.arange(episodes), list(range(episodes)))
@@ -67,13 +67,13 @@ def in_model(effects: tuple[EffectInstance, ...], config: PegConfig, episodes: i
 
 
 def peak_of(force: np.ndarray, period: float) -> float:
-    """Greatest mean over SMOOTH of a force (t,) N sampled every `period` s."""
+    """Return the greatest mean over SMOOTH s of a force (t,) N sampled every `period` s."""
     count = max(1, round(SMOOTH / period))
     return float(np.convolve(force, np.full(count, 1 / count), "valid").max(initial=0.0))
 
 
 def in_plant(truth: Truth, config: PegConfig, start: np.ndarray) -> Played:
-    """Return the same policy in the hidden plant, from the same places (n, 3)."""
+    """Play the same policy in the hidden plant, from the same flange positions (n, 3) m."""
     n = len(start)
     plant = Plant([truth] * n, start, np.tile(DOWN, (n, 1, 1)), np.full(n, config.force_limit))
     expert, layout = Expert(config, n), Observation(TERMS, config)
@@ -109,7 +109,7 @@ def in_plant(truth: Truth, config: PegConfig, start: np.ndarray) -> Played:
 
 
 def compare(case: Case, effects: tuple[EffectInstance, ...], episodes: int) -> dict:
-    """Errors of the nominal and of the corrected model against the plant in one case."""
+    """Return the errors of the nominal and of the corrected model against the plant in one case."""
     config = PegConfig()
     models = {"nominal": in_model((), config, episodes), "corrected": in_model(effects, config, episodes)}
     plant = in_plant(case.truth, config, models["nominal"].start)
@@ -130,7 +130,7 @@ def compare(case: Case, effects: tuple[EffectInstance, ...], episodes: int) -> d
 
 
 def main() -> int:
-    """Plays and prints a table."""
+    """Play and print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cases", nargs="+", help="case names or patterns")
     parser.add_argument("--episodes", type=int, default=12)

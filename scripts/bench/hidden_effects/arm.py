@@ -70,7 +70,7 @@ def rigid(
 
 
 def _joined(m: float, c: np.ndarray, tensor: np.ndarray, add: float, at: np.ndarray) -> tuple:
-    """Mass, centre and inertia about the new centre after a steel ball of `add` kg is fixed at `at` (Steiner)."""
+    """Return mass, centre and inertia about it after a steel ball of `add` kg is fixed at `at` (3,) m (Steiner)."""
     radius = (3.0 * add / (4.0 * np.pi * 7850.0)) ** (1.0 / 3.0)
     total = m + add
     centre = (m * c + add * at) / total

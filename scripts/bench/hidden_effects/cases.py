@@ -23,7 +23,7 @@ COMPLIANCE = np.array([6e-5, 6e-5, 1e-4, 1e-4, 6e-4, 6e-4, 1e-3])  # rad/(N m)
 PEAK = np.array([50.0, 95.0, 22.0, 38.0, 2.4, 1.9, 0.05])  # N m: typical peak of the nominal arm on these motions
 
 # effect -> (joints of the standard list, joints that the full grid allows)
-LOADED, PROXIMAL, ALL = ("joint2", "joint4"), JOINTS[:4], JOINTS
+LOADED, ALL = ("joint2", "joint4"), JOINTS
 GRID: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "coulomb_friction": (("joint2", "joint4", "joint7"), ALL),
     "viscous_friction": (("joint1", "joint6"), ALL),
@@ -83,7 +83,7 @@ ARM: dict[str, tuple[tuple[str, ...], float]] = {
 
 @dataclass(frozen=True)
 class Case:
-    """What is hidden, how large, and how the arm is driven. `name` says it all; `key` says nothing."""
+    """What is hidden, how large, and how the arm is driven. `name` states it, `key` does not."""
 
     name: str
     hidden: tuple[Hide, ...]
@@ -93,12 +93,12 @@ class Case:
 
     @property
     def key(self) -> str:
-        """Folder name, from which nobody can tell what is inside."""
+        """Folder name, which does not show what is hidden."""
         return hashlib.sha256(f"{self.seed}/{self.name}".encode()).hexdigest()[:10]
 
 
 def parameters(effect: str, where: str, size: float, rng: np.random.Generator) -> dict[str, float]:
-    """Parameters of an effect at `size` (0.3 small, 1 medium, 2.5 large), a little spread and signs by lot. SI."""
+    """Draw an effect's parameters, SI, of `size` (0.3 small, 1 medium, 2.5 large) x 0.85 to 1.2; signs are random."""
     j = JOINTS.index(where) if where in JOINTS else 3
     k = size * rng.uniform(0.85, 1.2)
     sign, turn = rng.choice([-1.0, 1.0]), rng.uniform(-np.pi, np.pi)
@@ -163,7 +163,7 @@ def cases(seed: int = SCORED, grid: bool = False) -> list[Case]:
 
 
 def many(seed: int = SCORED) -> list[Case]:
-    """Cases of 6 to 20 effects at once, at 0.6 to 1.8 of a medium size."""
+    """Return cases of 6 to 20 effects at once, at 0.6 to 1.8 of a medium size."""
     out = []
     for i in range(MANY_COUNT):
         strange = i % STRANGE == STRANGE - 1
@@ -174,7 +174,7 @@ def many(seed: int = SCORED) -> list[Case]:
 def _drawn(
     name: str, rng: np.random.Generator, fewest: int, most: int, seed: int, strange: bool = False, mode: str = ""
 ) -> Case:
-    """Draw a case of `fewest` to `most` effects, of what real arms have, and something unknown where it is strange."""
+    """Draw a case of `fewest` to `most` effects, of what real arms have; with `strange` also an unknown one."""
     places = [(effect, where, weight) for effect, (targets, weight) in ARM.items() for where in targets]
     weights = np.array([weight for *_, weight in places])
     count = int(rng.integers(fewest, most + 1))
@@ -188,8 +188,9 @@ def _drawn(
 
 
 def soft(seed: int = SCORED) -> list[Case]:
-    """Cases of 15 to 25 effects under an eighth of the stiffness: joints stick on slow motion and sag under errors of
-    the masses. Drawn as `many`.
+    """Return cases of 15 to 25 effects under an eighth of the stiffness, drawn as `many`.
+
+    Joints stick on slow motion and sag under errors of the masses.
     """
     return [
         _drawn(f"soft/{i:02d}", stream(seed, "soft", i), SOFT_FEWEST, SOFT_MOST, seed, mode="soft")
@@ -198,9 +199,9 @@ def soft(seed: int = SCORED) -> list[Case]:
 
 
 def choose(only: tuple[str, ...], seed: int = SCORED, limit: int | None = None, group: str = "") -> list[Case]:
-    """Return the standard list, or what of the full grid matches a pattern (`backlash/*/large`), thinned to `limit`.
+    """Return the standard list, or the cases of the full grid that match a pattern (`backlash/*/large`).
 
-    With a `group` (`many`, `soft`), of its cases.
+    At most `limit` of them, spread evenly. With a `group` (`many`, `soft`), its cases in place of list and grid.
     """
     found = GROUPS[group](seed) if group else cases(seed)
     if only:

@@ -15,7 +15,7 @@ EE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
 
 def write(folder: Path, time: np.ndarray, mode: str, motion: str, signals: dict[str, np.ndarray]) -> None:
-    """One folder with recording.yaml and samples.csv; replaces an older one of the same name in a single rename."""
+    """Write a folder with recording.yaml and samples.csv; replace an older one of its name in a single rename."""
     law = "position" if mode == "soft" else mode
     control: dict = {"mode": law, "rate_hz": RATE, "gravity_compensation": "model"}
     if mode != "torque":

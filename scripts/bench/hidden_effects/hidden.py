@@ -1,4 +1,4 @@
-"""What is hidden in a plant: textbook parameters a row (one recording) and joint, all at their null by default."""
+"""What is hidden in a plant: textbook parameters, SI, per row (recording) and joint, all at their null by default."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ NAMES = {
 
 
 def joint_parameters(rows: list[tuple[Hide, ...]]) -> dict[str, np.ndarray]:
-    """Joint parameters of every row, each (nrow, 7); sway and sway_hz (nrow,)."""
+    """Return the joint parameters of every row, each (nrow, 7); sway and sway_hz (nrow,)."""
     p = {key: np.full((len(rows), 7), null) for key, null in JOINT_NULLS.items()}
     p |= {key: np.zeros(len(rows)) for key in SWAY}
     for r, hidden in enumerate(rows):

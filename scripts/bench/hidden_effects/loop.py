@@ -59,20 +59,20 @@ class Nominal:
 
     @property
     def mass(self) -> np.ndarray:
-        """M (nrow, 7, 7)."""
+        """Inertia M (nrow, 7, 7)."""
         return self.out["M"][:, self.dense].reshape(self.n, 7, 7)
 
     def jacobian(self) -> np.ndarray:
-        """Flange Jacobian (nrow, 6, 7) in the base frame, translation first."""
+        """Return the flange Jacobian (nrow, 6, 7) in the base frame, translation first."""
         axis = self.out["xaxis"]
         linear = np.cross(axis, self.out["site_xpos"] - self.out["xanchor"])
         return np.concatenate([linear, axis], axis=2).transpose(0, 2, 1)
 
 
 def simulate(runs: list[Run], h: float = 2.0e-4, noise: bool = True) -> list[dict[str, np.ndarray]]:
-    """Signals (n, 7) of every run: q, dq, tau, tau_cmd and, where there are any, q_cmd, dq_cmd, ee_cmd (n, 7).
+    """Return the signals (n, 7) of every run: q, dq, tau, and by its mode tau_cmd, q_cmd and dq_cmd, or ee_cmd.
 
-    All runs must last equally long; each draws its noise from its own seed, so a row does not depend on its company.
+    All runs must last equally long; each draws its noise from its own seed, so a row does not depend on the others.
     `tau` is the gear torque just before the row's command takes over.
     """
     n, hold, sub = len(runs[0].motion.time), round(PREROLL * RATE), round(1.0 / RATE / h)
@@ -143,7 +143,7 @@ class _Law:
         return tau, tau + gravity
 
     def _khatib(self, now: Nominal, k: int, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        """Khatib's law as docs/formats.md states it, without the gravity term."""
+        """Return the torque (nrow, 7) of Khatib's law as docs/formats.md states it, without the gravity term."""
         jac, mass = now.jacobian(), now.mass
         kp, kd = (np.array(g) for g in GAINS["osc"])
         place, turn = now.out["site_xpos"][:, 0], now.out["site_xmat"][:, 0].reshape(-1, 3, 3)
@@ -163,7 +163,7 @@ class _Law:
 
 
 def _rotation_vector(goal: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Rotation vector (3,) in the base frame from `turn` (3, 3) to the quaternion `goal` (w, x, y, z)."""
+    """Return the rotation vector (3,) rad, base frame, from `turn` (3, 3) to the quaternion `goal` (w, x, y, z)."""
     want = np.zeros(9)
     mujoco.mju_quat2Mat(want, goal)
     delta, quat, out = want.reshape(3, 3) @ turn.T, np.zeros(4), np.zeros(3)
@@ -190,12 +190,12 @@ class _Sensors:
         self.head, self.grid = 0, np.ogrid[: plant.n, :7]
 
     def push(self) -> None:
-        """Remembers the present tick."""
+        """Store the present tick."""
         self.head = (self.head + 1) % len(self.past)
         self.past[self.head, 0], self.past[self.head, 1] = self.plant.motor_side()
 
     def read(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """q, dq, tau (nrow, 7) as the controller and the log get them."""
+        """Return q, dq, tau (nrow, 7) as the controller and the log get them."""
         p, (q, dq) = self.plant.p, (self._late(kind) for kind in (0, 1))
         q = q + p["offset"] + self.noise["q"][:, self.k]
         step = np.where(p["step"] > 0.0, p["step"], 1.0)
@@ -205,7 +205,7 @@ class _Sensors:
         return q, dq, tau
 
     def _late(self, kind: int) -> np.ndarray:
-        """Angle (0) or speed (1) of each joint, its delay ago, (nrow, 7)."""
+        """Return the angle (kind 0) or speed (1) of each joint, its delay ago, (nrow, 7)."""
         near, far = (self.past[(self.head - self.late - k) % len(self.past), kind, *self.grid] for k in (0, 1))
         return (1.0 - self.part) * near + self.part * far
 

@@ -32,7 +32,7 @@ def motions(case: Case) -> list[Motion]:
 
 
 def folders(root: Path, case: Case) -> list[Path]:
-    """Where the recordings of a case lie."""
+    """Return the folders of a case's recordings; the last one validates."""
     return [root / "recordings" / case.key / name for name in RECORDINGS]
 
 

@@ -63,7 +63,7 @@ class Plant:
             self.below = np.stack([m.body_subtreemass[1:] for m in models])  # (nrow, 7) kg
 
     def motor_side(self) -> tuple[np.ndarray, np.ndarray]:
-        """Angle and speed (nrow, 7) that an ideal encoder on the motor would read."""
+        """Return angle and speed (nrow, 7) that an ideal encoder on the motor would read."""
         return np.where(self.flex, self.theta, self.q), np.where(self.flex, self.w, self.v)
 
     def settle_load(self, tau: np.ndarray) -> None:
@@ -73,8 +73,9 @@ class Plant:
         self.theta = np.where(self.flex, self.q + wind, self.q)
 
     def tick(self, u: np.ndarray) -> None:
-        """Advances every row by h under the torques `u` (nrow, 7) that reach the drives."""
+        """Advance every row by h under the torques `u` (nrow, 7) that reach the drives."""
         h, p, has, flex = self.h, self.p, self.has, self.flex
+        # ..h: at the half step; ..p: speed extrapolated to the end of the step; t..: motor side
         qh = self.q + 0.5 * h * self.v
         vh, vp = self.v + 0.5 * h * self.a, self.v + h * self.a
         self.qpos[:], self.qvel[:] = qh, vh
@@ -120,7 +121,7 @@ class Plant:
         self.t += h
 
     def _motor(self, u: np.ndarray, th: np.ndarray) -> np.ndarray:
-        """Torque at the rotor: lag, gain, bias, saturation, cogging."""
+        """Return the torque at the rotor: lag, gain, bias, saturation, cogging."""
         p = self.p
         if self.has["lag"]:
             way = u - self.lagged
@@ -134,7 +135,7 @@ class Plant:
         return tau
 
     def _friction(self, th: np.ndarray, wh: np.ndarray, wp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Friction torque at the extrapolated speed, and h dF/dv there (kg m2)."""
+        """Return the friction torque at the extrapolated speed, and h dF/dv there (kg m2)."""
         h, p = self.h, self.p
         force, slope = p["fv"] * wh, 0.5 * h * p["fv"]
         if self.has["hyst"]:
@@ -156,14 +157,14 @@ class Plant:
         return force, slope
 
     def _bristle(self, v: np.ndarray, grip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Backward-Euler bristle deflection at speed v, and its derivative by v."""
+        """Return the backward-Euler bristle deflection at speed v, and its derivative by v."""
         k = self.h * self.s0 / grip
         below = 1.0 + np.abs(v) * k
         z = (self.z + self.h * v) / below
         return z, np.maximum(self.h - z * np.sign(v) * k, 0.0) / below
 
     def _gear(self, wind: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Torque through a gear wound up by `wind`, and its damping where the teeth touch."""
+        """Return the torque through a gear wound up by `wind`, and its damping where the teeth touch."""
         p = self.p
         stretch = wind - np.clip(wind, -0.5 * p["play"], 0.5 * p["play"])
         touch = (stretch != 0.0) | (p["play"] == 0.0)
@@ -173,7 +174,7 @@ class Plant:
         return np.where(pulls, 0.0, tau), np.where(pulls, 0.0, damping)
 
     def _link(self, qh: np.ndarray) -> np.ndarray:
-        """Torque on the links from outside the drives: cable spring, vibration, a swaying base."""
+        """Return the torque on the links from outside the drives: cable spring, vibration, a swaying base."""
         p, t = self.p, max(self.t + 0.5 * self.h, 0.0)
         tau = -p["spring"] * (qh - p["spring_ref"])
         if self.has["vib"]:

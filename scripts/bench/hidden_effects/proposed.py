@@ -20,7 +20,7 @@ from vispeg.identify.channels import shows
 
 
 def straight(name: str) -> bool:
-    """Whether an effect's torque is linear in its size along a measured motion, so that the proposal can hold it."""
+    """Return whether an effect's torque on a measured motion is linear in its size, so that a proposal can have it."""
     return shows(REGISTRY[name], "needed") or REGISTRY[name].overrides("regressor")
 
 
@@ -39,7 +39,7 @@ def proposed(root: Path, case: Case) -> Record:
 
 
 def run(root: Path, chosen: Sequence[Case], results: Path) -> list[Record]:
-    """Record of the chosen cases, one after the other; each is appended to `results`, what is there is kept."""
+    """Return the records of the chosen cases; each is appended to `results` as it comes, what is there is kept."""
     known = {r["case"]: r for r in map(json.loads, results.read_text().splitlines())} if results.exists() else {}
     results.parent.mkdir(parents=True, exist_ok=True)
     for case in chosen:
@@ -67,25 +67,25 @@ def table(records: Sequence[Record]) -> str:
         "none": lambda r: r["kind"] == "none",
     }
     for name, belongs in groups.items():
-        some = [r for r in records if belongs(r)]
-        if some:
-            lines.append(_row(name, len(some), *_cells(some)))
+        group = [r for r in records if belongs(r)]
+        if group:
+            lines.append(_row(name, len(group), *_cells(group)))
     return "\n".join(lines) + "\n"
 
 
-def _cells(some: Sequence[Record]) -> list[str]:
-    """Shares and medians of one group."""
+def _cells(group: Sequence[Record]) -> list[str]:
+    """Return the shares and medians of one group."""
     hits, beside = [], []
-    for r in some:
+    for r in group:
         truth = [h for h in r["hidden"] if h["effect"] in REGISTRY]
         n = _matched(truth, r["effects"])
         hits += [k < n for k in range(len(truth))]
         beside.append(sum(not any(same_class(t, e) for t in truth) for e in r["effects"]))
-    left = [r["after"] / r["before"] for r in some if r["before"]]
-    seconds = [r["seconds"] for r in some]
+    left = [r["after"] / r["before"] for r in group if r["before"]]
+    seconds = [r["seconds"] for r in group]
     return [
         share(hits),
-        f"{sum(beside) / len(some):.2f}",
+        f"{sum(beside) / len(group):.2f}",
         share(not n for n in beside),
         f"{100 * sorted(left)[len(left) // 2]:.0f} %" if left else "-",
         f"{_median(seconds)}, {max(seconds):.3g}",

@@ -26,8 +26,10 @@ SMALL = np.array([1.0, 1.0, 0.6, 0.6, 0.1, 0.1, 0.01])  # start of the fixed set
 
 
 def fitted(world: World, folder: Path) -> tuple[Fit, float, float]:
-    """Return the world fitted to the first two recordings, its held-out error on the third, rad RMS, and the floor of
-    that.
+    """Fit a world to the first two recordings.
+
+    Returns:
+        The fit, its held-out error on the third, rad RMS, and the noise floor of that.
     """
     recordings = [load(folder / f"rec-{i}") for i in (1, 2, 3)]
     evidence, judged = evidence_for(recordings[:2]), evidence_for(recordings[2:])
@@ -36,7 +38,7 @@ def fitted(world: World, folder: Path) -> tuple[Fit, float, float]:
 
 
 def oracle(folder: Path, hidden: list[dict]) -> dict:
-    """Held-out error of the true effects, fitted from the true values."""
+    """Return the held-out error of the true effects, fitted from the true values."""
     world = World().add(*(EffectInstance.of(h["effect"], h["where"], **h["params"]) for h in hidden))
     fit, error, floor = fitted(world, folder)
     values = {e.label: {k: v.value for k, v in e.params.items()} for e in fit.world.effects}
@@ -44,7 +46,7 @@ def oracle(folder: Path, hidden: list[dict]) -> dict:
 
 
 def baseline(folder: Path) -> dict:
-    """Rotor inertia, damping, friction and bias of every joint and one delay, all fitted at once; the largest z."""
+    """Fit inertia, damping, friction and bias of every joint and one delay at once; return error and largest z."""
     joints = [f"joint{i}" for i in range(1, 8)]
     placed = [EffectInstance.of(e, w, **{p: 0.1 * SMALL[j]}) for e, p in FIXED.items() for j, w in enumerate(joints)]
     world = World().add(*placed, EffectInstance.of("command_delay", "all", delay=5e-4))

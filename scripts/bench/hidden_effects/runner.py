@@ -23,7 +23,7 @@ ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 def _call(arguments: list[str]) -> tuple[int, str, float]:
-    """Exit status, stdout or (where it failed) stderr, and processor seconds."""
+    """Run Python; return exit status, stdout or (where it failed) stderr, and processor seconds."""
     environment = os.environ | ONE_THREAD | {"PYTHONPATH": str(HERE.parents[2])}
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
         child = subprocess.Popen([sys.executable, *arguments], stdout=out, stderr=err, env=environment)
@@ -59,7 +59,7 @@ def diagnose(root: Path, case: Case) -> dict:
 
 @cache
 def commit() -> str | None:
-    """Short hash of the checkout's commit, `-dirty` where it was changed since; None outside of a checkout."""
+    """Return the short hash of the checkout's commit, `-dirty` if it was changed since; None outside of a checkout."""
     command = ["git", "-C", str(HERE), "describe", "--always", "--dirty", "--exclude=*"]
     try:
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
@@ -76,20 +76,21 @@ def references(root: Path, case: Case, baseline: bool = False) -> dict:
 
 
 def refer(root: Path, chosen: list[Case], results: Path, workers: int, engine: Engine = "local") -> str:
-    """Held-out errors of fits that know the truth, over the noise floor, as a Markdown table; nothing is diagnosed.
+    """Return held-out errors of fits that know the truth, over the noise floor, as a Markdown table.
 
-    Of cases that hide effects of the library alone. Each is appended to `results` as it comes; what is there is kept.
+    Nothing is diagnosed; cases that hide an unknown effect are left out. Each is appended to `results` as it comes;
+    what is there is kept.
     """
     known = _read(results, {c.seed for c in chosen})
-    some = [c for c in chosen if c.kind in KNOWN]
+    fitted = [c for c in chosen if c.kind in KNOWN]
     results.parent.mkdir(parents=True, exist_ok=True)
-    for case, answer in each(partial(references, root), [c for c in some if c.name not in known], workers, engine):
+    for case, answer in each(partial(references, root), [c for c in fitted if c.name not in known], workers, engine):
         known[case.name] = {"case": case.name, "seed": case.seed} | answer
         with results.open("a") as file:
             file.write(json.dumps(known[case.name]) + "\n")
-        print(f"{sum(c.name not in known for c in some):4d} left  {case.name}", file=sys.stderr, flush=True)
+        print(f"{sum(c.name not in known for c in fitted):4d} left  {case.name}", file=sys.stderr, flush=True)
     lines = ["| case | truth, error / floor |", "| --- | --- |"]
-    for case in some:
+    for case in fitted:
         truth = known[case.name].get("oracle")
         lines.append(
             f"| {case.name} | {truth['heldout_error'] / truth['floor']:.3g} |" if truth else f"| {case.name} | failed |"
@@ -128,7 +129,7 @@ def run(
     baseline: bool,
     engine: Engine = "local",
 ) -> list[dict]:
-    """Record of the chosen cases: each is appended to `results` as it comes; what is there is not worked out again."""
+    """Return the records of the chosen cases; each is appended to `results` as it comes, what is there is kept."""
     known = _read(results, {c.seed for c in chosen})
     # in the order of their hashes, so that a run cut short is still an even sample of the list
     missing = sorted((c for c in chosen if _lacks(c, known.get(c.name), reference, baseline)), key=lambda c: c.key)

@@ -11,19 +11,19 @@ from scipy.optimize import linear_sum_assignment
 
 Record = dict[str, Any]
 
-# Effects that no recording, or no recording of this kind, can tell apart at the same place.
+# Effects that recordings of this kind cannot distinguish at the same place.
 CLASSES = (
     {"command_delay", "actuator_lag", "sensor_delay"},
     {"coulomb_friction", "stribeck_friction", "hysteresis"},
     {"joint_bias", "encoder_offset"},
     {"backlash", "joint_elasticity"},
 )
-BODIES = {"payload", "link_mass", "link_com"}  # what a neighbour's mass or centre of mass can stand in for
+BODIES = {"payload", "link_mass", "link_com"}  # one at a neighbouring link is of the same class
 ABOVE_FLOOR = 1.05  # nominal held-out error over noise floor from which an effect shows at all
 
 
 def wilson(hits: int, n: int, z: float = 1.96) -> tuple[float, float]:
-    """95 % interval of a share (Wilson 1927); (0, 1) without trials."""
+    """Return the 95 % interval of a share (Wilson 1927); (0, 1) without trials."""
     if n == 0:
         return 0.0, 1.0
     p, d = hits / n, 1.0 + z * z / n
@@ -33,7 +33,7 @@ def wilson(hits: int, n: int, z: float = 1.96) -> tuple[float, float]:
 
 
 def share(flags: Iterable[bool]) -> str:
-    """`83 % [74, 90] of 96`."""
+    """Word the share of true flags: `83 % [74, 90] of 96`."""
     values = [bool(f) for f in flags]
     if not values:
         return "-"
@@ -46,7 +46,7 @@ def _link(where: str) -> int:
 
 
 def same_class(truth: Record, named: Record) -> bool:
-    """Whether `named` is the truth, has it among its declared rivals, or is a theoretical twin of it."""
+    """Return whether `named` is the truth, names it as confounded, or is of its class in CLASSES or BODIES."""
     rivals = [named, *named.get("indistinguishable_from", [])]
     if any((r["effect"], r["where"]) == (truth["effect"], truth["where"]) for r in rivals):
         return True
@@ -57,7 +57,7 @@ def same_class(truth: Record, named: Record) -> bool:
 
 
 def _matched(truth: Sequence[Record], named: Sequence[Record]) -> int:
-    """Greatest number of truths that can each be given a named effect of its own class."""
+    """Return the greatest number of truths that can each be given a named effect of its own class."""
     if not truth or not named:
         return 0
     fits = np.array([[same_class(t, n) for n in named] for t in truth])
@@ -100,7 +100,7 @@ def judge(r: Record) -> Record:
 
 
 def coverage(records: Sequence[Record]) -> list[bool]:
-    """For every parameter of every effect that was named exactly: does its 95 % interval hold the truth?"""
+    """Return whether the 95 % interval holds the truth, for every parameter of effects that were named exactly."""
     out = []
     for r in records:
         for e in r["effects"]:
