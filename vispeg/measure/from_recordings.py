@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from vispeg.core.errors import UserError
 from vispeg.measure.readings import Readings
 from vispeg.recordings.cell import WrenchSensor, canonical, reaction
+from vispeg.recordings.checks.quality import runs
 from vispeg.recordings.differentiate import bridged, episodes, usual_rate
 from vispeg.recordings.load import load
 from vispeg.recordings.recording import Recording
@@ -91,7 +92,7 @@ def slides(paths: Sequence[Path]) -> Readings:
         width = max(1, round(SMOOTH * _rate(rec)))
         smooth = np.stack([np.convolve(v, np.ones(width) / width, "same") for v in across.T], axis=1)
         sliding = (np.linalg.norm(smooth, axis=1) > SPEED) & (np.abs(force[:, 2]) > TOUCH)
-        strokes = [s for s in _stretches(sliding) if rec.time[s][-1] - rec.time[s][0] >= STROKE]
+        strokes = [s for s in (slice(*run) for run in runs(sliding)) if rec.time[s][-1] - rec.time[s][0] >= STROKE]
         if not strokes:
             what = f"nothing slides: no {STROKE:g} s above {SPEED:g} m/s and {TOUCH:g} N"
             raise UserError(what, file=path)
@@ -185,9 +186,3 @@ def _rests(q: np.ndarray, length: int) -> list[slice]:
         out.append(slice(start, end))
         start = end
     return out
-
-
-def _stretches(flags: np.ndarray) -> list[slice]:
-    """Return the runs of true values of `flags` (n,) as slices."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
-    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -61,6 +61,7 @@ def measured(trace: Trace) -> list[Stroke]:
 
 
 def _stroke(trace: Trace, out: tuple[int, int], back: tuple[int, int], speed: float) -> Stroke | None:
+    """Measure one stroke, commanded at `speed` rad/s, over the angles that both ways pass; None with too few rows."""
     rows = [np.arange(a, b + 1) for a, b in (out, back)]
     rows = [r[int(SETTLING * len(r)) :] for r in rows]
     low = max(trace.q[r].min() for r in rows)
@@ -73,11 +74,11 @@ def _stroke(trace: Trace, out: tuple[int, int], back: tuple[int, int], speed: fl
     shares = _shares(trace, rows, sign)
     both = np.concatenate(rows)
     velocity = np.gradient(trace.q, trace.time)
-    turned = [velocity, np.gradient(velocity, trace.time), trace.q_cmd - trace.q]
-    way, acceleration, lag = (float(shares[0] @ values[both]) for values in turned)
+    signals = [velocity, np.gradient(velocity, trace.time), trace.q_cmd - trace.q]
+    measured_speed, acceleration, lag = (float(shares[0] @ values[both]) for values in signals)
     noise = 4.0 * float(np.std(np.diff(trace.q, 2))) / np.sqrt(6.0) / (len(rows[0]) // 3 * trace.period)
     moves = all(abs(abs(v) - speed) <= WITHIN * speed + noise for r in rows for v in _speeds(trace, r))
-    stroke = Stroke(trace, float(trace.time[out[0]]), both, shares[0], way, acceleration, lag, moves)
+    stroke = Stroke(trace, float(trace.time[out[0]]), both, shares[0], measured_speed, acceleration, lag, moves)
     if trace.tau is None or not trace.signed() or not moves:
         return stroke
     height, load, slope = (float(share @ trace.tau[both]) for share in shares)

@@ -295,6 +295,7 @@ def _angles(table: Table, joints: Sequence[str], taken: set[str]) -> tuple[np.nd
     numeric = [name for name in table.names if name in table.columns and name not in taken]
     named = own_names([meaning(name, {}) for name in numeric], joints, table)
     out = Proposal(table.file, [], [], {}, Dialect())
+    # measured angles, else columns labelled as joint 3 or a3, else any names of letters with a number
     measured = [m for m in named if m.quantity == "q" and not m.commanded]
     measured = measured or [m for m in named if re.fullmatch(r"(j|a|joint|axis)_?\d+", m.label or "", re.IGNORECASE)]
     measured = measured or [m for m in named if re.fullmatch(r"[A-Za-z]+[ _]?\d+.*", m.name)]

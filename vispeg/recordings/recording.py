@@ -75,7 +75,10 @@ class Chosen:
         where = ", ".join(f"{w.start:.4g}" for w in self.windows)
         count = f"{len(self.windows)} windows" if len(self.windows) > 1 else "one window"
         speed, acceleration, load = (f"{100 * x:.0f} %" for x in (self.speed, self.acceleration, self.load))
-        standing = f"; {', '.join(self.standing)} moves in none of them: use more (--seconds)" if self.standing else ""
+        moves = "moves" if len(self.standing) == 1 else "move"
+        standing = (
+            f"; {', '.join(self.standing)} {moves} in none of them: use more (--seconds)" if self.standing else ""
+        )
         return (
             f"{name}: {self.used_s:.0f} of {self.of_s:.0f} s are used, {count} from {where} s on, chosen for what they "
             f"show: {self.reversals} of {self.reversals_of} reversals, and of every joint at least {speed} of its top "

@@ -117,7 +117,7 @@ def _torque(unit: str, values: np.ndarray, limits: Limits, doubts: list[str]) ->
         doubts.append("torques are under a hundredth of the joints' limits: is their unit N m?")
     if finite.any() and np.any(peak[finite] > 20 * limits.torque[finite]):
         return "mNm", "as N m they would be over twenty times the joints' limits"
-    return "N m", "no unit stated; in N m they are within the joints' limits"
+    return "N m", "no unit stated; N m does not contradict the joints' limits"
 
 
 def time_unit(
