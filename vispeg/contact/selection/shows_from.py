@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
@@ -12,18 +11,16 @@ from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.selection.profile import outward, places, size_of
 from vispeg.contact.selection.repeats import uncertainty
 from vispeg.contact.selection.screen import Screen
+from vispeg.contact.selection.searching import ContactSearching
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
-if TYPE_CHECKING:
-    from vispeg.contact.selection.search import ContactSearch
-
 Tried = tuple[str, EffectInstance, float]  # parameter, effect with one size of it, share of the needed change
 
 
-def least_sizes(search: ContactSearch, world: World) -> dict[tuple[str, str], dict[str, float]]:
+def least_sizes(search: ContactSearching, world: World) -> dict[tuple[str, str], dict[str, float]]:
     """Return the size of each parameter alone, added to a world, that is detected with probability `RULES.power`.
 
     It is detected in the fitted recordings and in the held-out ones. For a pose it is larger by the interval's
@@ -42,7 +39,7 @@ def least_sizes(search: ContactSearch, world: World) -> dict[tuple[str, str], di
 
 
 def _tried(
-    search: ContactSearch, world: World, where: Sequence[tuple[str, str]]
+    search: ContactSearching, world: World, where: Sequence[tuple[str, str]]
 ) -> list[tuple[str, str, str, float, float]]:
     """Return (effect, place, parameter, value, share of the needed change) of sizes, outward until one is detectable.
 
