@@ -68,8 +68,8 @@ def no_free_air(t: Touching) -> UserError:
 def _paths(t: Touching, felt: Touch) -> list[tuple[Path, Phases | None]]:
     """Return each episode's path, with its phases if it begins in free air."""
     number = episode_numbers(t.recording)
-    rows = [np.flatnonzero(number == n) for n in np.unique(number)]
-    paths = [along(t.scene, t.recording, t.wrench, some, H_MAX, t.believed) for some in rows]
+    episodes = [np.flatnonzero(number == n) for n in np.unique(number)]
+    paths = [along(t.scene, t.recording, t.wrench, rows, H_MAX, t.believed) for rows in episodes]
     return [(path, phases(felt, path, t.scene, RULES.contact_block)) for path in paths]
 
 

@@ -35,7 +35,7 @@ class Driven:
         correction: (nworld, n, 6) additional wrench, flange axes, that held the hand on its path; NaN outside the
             windows.
         zero: (nworld, 6) zero of the sensor: its reading at rest in free air minus the tool's weight.
-        place: (nworld, n, 6) paths of the hands.
+        place: (nworld, n, 6) paths of the hands, m and rad as `Path.place`; outside the windows, where they were to go.
     """
 
     correction: np.ndarray
@@ -97,13 +97,13 @@ def drive(
     applied = np.einsum("nij,wnj->wni", path.jacobian, exerted)
     correction, went = np.full(wrench.shape, np.nan), place.copy()
     pieces, where = Pieces(batch, batch.model, scene), tip_places(path, cell)
-    for window in windows:  # joints other than the hand's continue from the last window's end
+    for window in windows:  # joints other than the hand's stay where the last window ended, at rest
         qpos[:, :6], qvel[:] = place[:, window.start], 0.0
         qvel[:, :6] = rate[:, window.start]
         for part in stretches(where, window):
             pieces.at(int(where[part.start]))
             begin, n = qvel[:, None, :6].copy(), part.stop - part.start
-            control = np.zeros((len(worlds), n, 12 + qvel.shape[1]))
+            control = np.zeros((len(worlds), n, 12 + qvel.shape[1]))  # six goals, six rates, forces on all joints
             control[:, :, :6] = place[:, part]
             control[:, :, 6:12] = rate[:, np.minimum(np.arange(part.start, part.stop) + 1, len(path.rate) - 1)]
             control[:, :, 12:18] = applied[:, part]
@@ -123,9 +123,10 @@ def hands(scene: Scene, cell: Scene, path: Path, worlds: Sequence[World], nthrea
     sink in deeper and creep faster, so its bodies get the inverse weights that they have on the arm. Source: MuJoCo 4.0
     manual, Computation, Constraint solver, Parameters.
     """
+    # an arm that yields enters by `deviation`: a hand has no arm
     active = activate(scene, [w.only(lambda e: not effect(e.effect).overrides("yields")) for w in worlds])
     parts = [a.effect.name for a in active]
-    model, behind = compiled(scene, parts), compiled(cell, parts)
+    model, whole_cell = compiled(scene, parts), compiled(cell, parts)
     batch = mjb.Batch(model, len(worlds), nthread=nthread)
     fields = Fields(batch, scene)
     for a in active:
@@ -137,11 +138,11 @@ def hands(scene: Scene, cell: Scene, path: Path, worlds: Sequence[World], nthrea
     derive(batch, fields)
     if scene.slip:
         firm(batch, model, scene.slip)
-    weight, on_arm = batch.expand("body_invweight0"), {behind.body(b).name: b for b in range(behind.nbody)}
+    inverse, in_cell = batch.expand("body_invweight0"), {whole_cell.body(b).name: b for b in range(whole_cell.nbody)}
     for b in range(1, model.nbody):
-        hand_weight, at = model.body_invweight0[b], on_arm.get(model.body(b).name)
+        of_hand, at = model.body_invweight0[b], in_cell.get(model.body(b).name)
         if at is not None:
-            weight[:, b] *= np.divide(behind.body_invweight0[at], hand_weight, out=np.ones(2), where=hand_weight > 0)
+            inverse[:, b] *= np.divide(whole_cell.body_invweight0[at], of_hand, out=np.ones(2), where=of_hand > 0)
     return batch
 
 
@@ -149,7 +150,6 @@ def built_alike(worlds: Sequence[World]) -> list[np.ndarray]:
     """Group the indices of worlds by the effects that change the compiled model."""
     groups: dict[tuple[str, ...], list[int]] = {}
     for i, w in enumerate(worlds):
-        groups.setdefault(
-            tuple(sorted({e.effect for e in w.effects if effect(e.effect).overrides("build")})), []
-        ).append(i)
+        building = {e.effect for e in w.effects if effect(e.effect).overrides("build")}
+        groups.setdefault(tuple(sorted(building)), []).append(i)
     return [np.array(rows) for rows in groups.values()]

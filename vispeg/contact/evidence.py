@@ -105,7 +105,7 @@ class ContactEvidence(Evidence):
         return RULES.contact_correlated * RULES.contact_tied
 
     def tells(self, difference: np.ndarray) -> np.ndarray:
-        """Return whether each block distinguishes two worlds, as small differences do not.
+        """Return whether each `difference` (k,) of losses distinguishes two worlds, (k,) bool; small ones do not.
 
         An effect of contact shows in few blocks, and hardly in most.
         """
@@ -113,9 +113,10 @@ class ContactEvidence(Evidence):
         return size >= max(1.0, RULES.contact_tie * float(size.max(initial=0.0)))
 
     def stretches(self, blocks: np.ndarray) -> np.ndarray:
-        """Return the number of the visit to a phase in which each block begins, (nblock,).
+        """Return the number of the visit to a phase in which each block of residuals begins, (nblock,).
 
-        Errors of form persist through a visit, so its blocks count as one sample in comparing two worlds.
+        `blocks` (n,) is the block of each residual. Errors of form persist through a visit, so its blocks count as one
+        sample in comparing two worlds.
         """
         visits, start = [], 0
         for item in self.items:
@@ -186,9 +187,9 @@ class ContactEvidence(Evidence):
         for rows in built_alike(worlds):
             for item, values in zip(self.items, out, strict=True):
                 windows = pieces(item.phase, self.part) if in_part else item.phase.windows
-                for some in np.split(rows, range(ROWS, len(rows), ROWS)):
-                    these = [worlds[r] for r in some]
-                    values[some] = predicted(item, driven(item, these, self.nthread, windows), these)
+                for batch in np.split(rows, range(ROWS, len(rows), ROWS)):
+                    these = [worlds[r] for r in batch]
+                    values[batch] = predicted(item, driven(item, these, self.nthread, windows), these)
         return out
 
     def residuals_in_part(self, worlds: Sequence[World]) -> list[np.ndarray]:
@@ -200,7 +201,7 @@ class ContactEvidence(Evidence):
         return [np.concatenate([r.ravel() for r in parts]) for parts in residuals]
 
     def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
-        """Return for each item the block wrenches (nworld, m, 6) that the worlds need to follow the measured path."""
+        """Return for each item the wrenches (nworld, m, 6) N and N m that worlds need to follow the measured path."""
         key = tuple(worlds) if len(worlds) <= 4 else None
         for cached, answer in self._recent:
             if cached == key:
@@ -233,14 +234,6 @@ class ContactEvidence(Evidence):
     def floor(self) -> float:
         """RMS floor of the force, N."""
         return float(np.sqrt(np.mean(self.floors[:3] ** 2)))
-
-    def excited(self, world: World) -> dict[str, float]:
-        """Return the seconds in each phase of contact over all items."""
-        out: dict[str, float] = {}
-        for item in self.items:
-            for name in item.phase.names:
-                out[name] = out.get(name, 0.0) + RULES.contact_block * float(np.sum(item.phase.of(name)))
-        return out
 
 
 def _huber(residual: np.ndarray) -> np.ndarray:

@@ -77,9 +77,10 @@ def _spec(scene: Scene, hold: Grasp) -> mujoco.MjSpec:
     for geom in source.worldbody.geoms:
         if geom.contype or geom.conaffinity:
             _copied(spec, geom)
+    # unless a part other than the held one has a priority, and so contact parameters, of its own
     if all(g.priority < 1 or g.parent.name == scene.held for g in spec.geoms):
-        for geom in spec.geoms:  # other parts have no contact of their own with them
-            if geom.name == scene.top or scene.config.shape == "round" and geom.name.startswith(scene.wall):
+        for geom in spec.geoms:
+            if geom.name == scene.top or (scene.config.shape == "round" and geom.name.startswith(scene.wall)):
                 geom.priority = PRIORITY
     for kind in ("stiffness", "damping"):
         for i, axis in enumerate(AXES):

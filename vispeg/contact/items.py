@@ -100,10 +100,10 @@ def reading_response(item: ContactItem, nominal: Driven, nthread: int = 1) -> np
     size, world = np.repeat([PUSH, LEVER * PUSH], 3), hand_world(item.source.believed, World())
     wrench = np.repeat(true_wrench(item.path, world)[None], 6, axis=0)
     per_read, phase = _true_per_read(item, [World()] * 6), item.phase
-    more = np.zeros_like(wrench)
-    more[:, phase.rest.stop :] = (np.diag(size) * per_read[0])[:, None]
+    error = np.zeros_like(wrench)
+    error[:, phase.rest.stop :] = (np.diag(size) * per_read[0])[:, None]
     out = drive(
-        item.armless, item.source.scene, item.path, [world] * 6, wrench + more, phase.rest, phase.windows, nthread,
+        item.armless, item.source.scene, item.path, [world] * 6, wrench + error, phase.rest, phase.windows, nthread,
         per_read=per_read,
     )  # fmt: skip
     change = (phase.means(nominal.correction) - phase.means(out.correction)) / per_read[0] / size[:, None, None]
@@ -177,6 +177,7 @@ def _item(
         rows[phase.rows(path.clock)],
     )
     measured = phase.means(path.wrench[None])[0]
+    # placeholders: driving the item, from which the responses follow, needs an item
     unmoved, all_remains = np.zeros((6, *measured.shape)), np.tile(np.eye(6), (len(measured), 1, 1))
     item = ContactItem(
         rec,

@@ -31,10 +31,11 @@ def separating(
     together: Sequence[tuple[EffectInstance, ...]] = (),
     recorded: Collection[str] = (),
 ) -> NextMotion | None:
-    """Return the motion to record next, the first of each kind that is not in `recorded`; None if nothing is left.
+    """Return the motion to record next, and why; None if nothing is left to show.
 
-    It distinguishes a world's effect from its competitor, or effects that are determined `together` only, or excites
-    most of what was not excited.
+    It distinguishes effects that are determined `together` only, or a world's effect from its competitor; if there are
+    none, it excites most of what was not excited. It is the first such motion that is not in `recorded`, or else the
+    first one, with a change that makes it more informative.
     """
     for asked in (list(_apart(world, rivals, together)), list(_shows(unseen))):
         new = [(motion, why) for motion, why in asked if motion not in recorded]
@@ -52,9 +53,10 @@ def _apart(
     world: World, rivals: Sequence[Rivals], together: Sequence[tuple[EffectInstance, ...]]
 ) -> Iterator[tuple[str, str]]:
     """Yield motions that distinguish effects, and why; jointly determined effects first."""
-    for a, b in (pair for some in together for pair in combinations(some, 2)):
-        for motion in apart(a, b.effect):
-            yield motion, f"tells {a.label} from {b.label}"
+    for entangled in together:
+        for a, b in combinations(entangled, 2):
+            for motion in apart(a, b.effect):
+                yield motion, f"tells {a.label} from {b.label}"
     for r in rivals:
         chosen = next(e for e in world.effects if e.label == r.label)
         for t in r.equals:
@@ -63,7 +65,7 @@ def _apart(
 
 
 def _shows(unseen: Sequence[NotExcited]) -> Iterator[tuple[str, str]]:
-    """Return the motions that would excite what was not excited, the most informative first, and what each excites."""
+    """Yield the motions that would excite what was not excited, the one for most effects first, and what they show."""
     motions = [u["motion"] for u in unseen]
     for motion in sorted(dict.fromkeys(motions), key=motions.count, reverse=True):
         yield motion, f"shows {', '.join(u['effect'] for u in unseen if u['motion'] == motion)}"

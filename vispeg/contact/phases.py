@@ -45,7 +45,6 @@ class Phases:
     near: np.ndarray
     used: np.ndarray
     windows: tuple[slice, ...]
-    names: tuple[str, ...] = NAMES
 
     @property
     def force(self) -> np.ndarray:
@@ -110,21 +109,26 @@ def phases(touch: Touch, path: Path, scene: Scene, block: float) -> Phases | Non
     touching = np.asarray(touch.touching[at].reshape(m, size).any(axis=1))
     moving = np.maximum(speed, moves) > RULES.rest_speed
     rest = _rest(touching, moving, block)
-    if rest is None or not _leaves(path, slice(rest.start * size, rest.stop * size), contact, touch.touching[at]):
+    if rest is None:
+        return None
+    steps = slice(rest.start * size, rest.stop * size)
+    if not _leaves(path, steps, contact, touch.touching[at]):
         return None
     time = (np.arange(m) + 0.5) * size * path.step
     everything = np.ones(m, bool), (slice(0, m * size),)
     middle = np.median(contact.reshape(m, size, 6), axis=1)
-    inside = scene.config.apothem  # m, from the believed goal's axis to its walls
-    over = np.hypot(touch.tip[at, 0], touch.tip[at, 1]) < 2 * inside
+    apothem = scene.config.apothem  # m, from the believed goal's axis to its walls
+    over = np.hypot(touch.tip[at, 0], touch.tip[at, 1]) < 2 * apothem
     near = (over & (touch.tip[at, 2] < 0)).reshape(m, size).any(axis=1) | touching
     resting = (np.arange(m) >= rest.start) & (np.arange(m) < rest.stop)
-    steps = slice(rest.start * size, rest.stop * size)
     return Phases(time, code, resting, steps, size, speed, middle, near, *everything)
 
 
 def _rest(touching: np.ndarray, moving: np.ndarray, block: float) -> slice | None:
-    """Return the rest before the first touching block (m,); None if it is too short."""
+    """Return the first rest, in blocks, before any block touches; None if no rest is long enough.
+
+    `touching` and `moving` are (m,) bool, `block` is the duration of a block, s.
+    """
     first = int(np.argmax(touching)) if touching.any() else len(touching)
     for a, b in runs(~(touching | moving)[:first]):
         # one block of margin, since a block counts as still by the median of its samples
@@ -144,8 +148,8 @@ def _leaves(path: Path, rest: slice, contact: np.ndarray, touching: np.ndarray) 
     if not touching.any():
         return True
     still, way = contact[rest, :3], slice(rest.stop, max(int(np.argmax(touching)), rest.stop + 1))
-    gone = path.place[way] - path.place[rest.stop - 1]
-    gone = np.hypot(np.linalg.norm(gone[:, :3], axis=1), LEVER * np.linalg.norm(gone[:, 3:], axis=1))
+    moved = path.place[way] - path.place[rest.stop - 1]
+    gone = np.hypot(np.linalg.norm(moved[:, :3], axis=1), LEVER * np.linalg.norm(moved[:, 3:], axis=1))  # m
     change = np.linalg.norm(contact[way, :3] - still.mean(axis=0), axis=1)
     scatter = float(np.sqrt(still.var(axis=0).sum()))
     return bool(np.any(change + RULES.rest_sigmas * scatter < RULES.rest_softest * (gone - RULES.kinematics_place)))

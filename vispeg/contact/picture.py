@@ -16,7 +16,8 @@ from vispeg.robots.scene import Scene
 from vispeg.task.belief import recorded_cell
 
 WIDTH, HEIGHT, FOV = 640, 420, 30.0  # px; vertical field of view in degrees
-FROM = (0.33, -0.42, 0.22)  # m, camera position relative to the goal
+TOWARDS = (0.0, 0.0, 0.03)  # m, point at which the camera looks, relative to the goal's mouth
+FROM = (0.33, -0.42, 0.22)  # m, camera position relative to that point
 
 
 def draw(scene: Scene, q: np.ndarray, backend: BackendName = "auto") -> bytes:
@@ -30,9 +31,9 @@ def draw(scene: Scene, q: np.ndarray, backend: BackendName = "auto") -> bytes:
     Raises:
         UserError: no renderer that works here.
     """
-    goal = np.array(scene.target) + [0.0, 0.0, 0.03]
-    eye = goal + np.array(FROM)
-    focal, turned = focal_of(FOV, HEIGHT), looking_at(eye, goal, np.array([0.0, 0.0, 1.0]))
+    seen = np.array(scene.target) + TOWARDS
+    eye = seen + np.array(FROM)
+    focal, turned = focal_of(FOV, HEIGHT), looking_at(eye, seen, np.array([0.0, 0.0, 1.0]))
     at = (float(eye[0]), float(eye[1]), float(eye[2]))
     camera = Camera("cell", WIDTH, HEIGHT, focal, focal, (WIDTH - 1) / 2, (HEIGHT - 1) / 2, pos=at, quat=turned)
     with Renderer(scene, [camera], backend, shadows=True) as renderer:
@@ -42,7 +43,7 @@ def draw(scene: Scene, q: np.ndarray, backend: BackendName = "auto") -> bytes:
 
 def worst_moment(arrays: Mapping[str, np.ndarray], recordings: Sequence[Recording]) -> dict[str, np.ndarray]:
     """Return a picture of the moment in `worst/q` as entry of `evidence.npz`; empty if no renderer works."""
-    named = [r for r in recordings if str(arrays["worst/recording"]).startswith(r.name)]  # `rig-1`, too, for rig-10
+    named = [r for r in recordings if str(arrays["worst/recording"]).startswith(r.name)]  # also `rig-1` for rig-10
     rec = max(named, key=lambda r: len(r.name), default=recordings[0])
     try:
         png = draw(recorded_cell(rec).scene, np.nan_to_num(arrays["worst/q"]))

@@ -46,6 +46,7 @@ class Pieces:
         top: ids of the geom that replaces the tops of all pieces; empty if the goal has none.
         parts: ids of the walls and plates that it replaces.
         ruling: ids of the geoms whose contact parameters count.
+        touched: the batch's `geom_contype`, (nworld, ngeom).
         law: the batch's `geom_solref` and `geom_solimp`, (nworld, ngeom, 2) and (nworld, ngeom, 5).
         alone, together, sliding: the pair of values for `law` of one piece, of those that share a load, and of one
             along which a part slides.

@@ -1,4 +1,8 @@
-"""Parts of a record specific to contact: channels by axis, failures by phase, arrays, effects not excited."""
+"""Parts of a record specific to contact: channels by axis, failures by phase, arrays, effects not excited.
+
+Throughout, `judged` are the compared recordings, and `predicted` are their wrenches: for each item (nworld, m, 6) N and
+N m, of the given model and, if there is one, of the found model.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +40,7 @@ ALLOWANCES: dict[str, str] = {
 
 
 def channels(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> list[Any]:
-    """Return floor and held-out RMS error before and after by axis; without a second world only before."""
+    """Return the floor and the RMS errors of the given (before) and the found model (after) by axis."""
     out = []
     for j, name in enumerate(COLUMNS):
         kind = "force" if j < 3 else "moment"
@@ -57,7 +61,7 @@ def _rms(judged: ContactEvidence, predicted: Sequence[np.ndarray], world: int, c
 
 
 def where_it_fails(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> list[Failure]:
-    """Return shares of the squared residual in floors by axis and phase of contact, greatest first.
+    """Return the greatest shares of the given model's squared residual in floors by axis and phase, at most eight.
 
     The residual is whitened in each block alone: whitening over blocks would spread an error of contact over free air.
     """
@@ -74,7 +78,7 @@ def where_it_fails(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> 
 
 
 def phase_errors(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> list[dict[str, object]]:
-    """Return for each phase seconds, RMS force error before and after, and the floor, N."""
+    """Return for each phase that occurs: seconds, floor, N, and RMS force error before and after, N."""
     out = []
     for name in NAMES:
         row: dict[str, object] = {"phase": name}
@@ -92,7 +96,7 @@ def phase_errors(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> li
 
 
 def worst_left(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str, object]:
-    """Return the block with the largest residual of the last world: recording, s, N, phase, tip from the goal in m."""
+    """Return the block with the largest force residual of the last world: recording, s, N, phase, tip from goal, m."""
     worst = (-1.0, 0, 0)
     for r, (item, y) in enumerate(zip(judged.items, predicted, strict=True)):
         size = (judged.whiten(item, y[-1])[:, :3] ** 2).sum(axis=1)
@@ -117,7 +121,7 @@ def _root(parts: Sequence[np.ndarray]) -> float:
 
 
 def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
-    """Return measured and predicted wrenches of the held-out recordings, their phases, and the worst moment."""
+    """Return measured and predicted wrenches, their phases, and the moment with the given model's largest residual."""
     drawn = traces(judged.items, predicted, [item.phase.code for item in judged.items])
     out, worst = arrays_of(drawn, COLUMNS[:3], NAMES), (-1.0, 0, 0)
     for r, (item, y) in enumerate(zip(judged.items, predicted, strict=True)):

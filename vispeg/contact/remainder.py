@@ -38,7 +38,7 @@ class Rest:
 
 
 def remainder(evidence: ContactEvidence, world: World, held_out: bool = False) -> list[Rest]:
-    """Return the residual of each phase of contact, worst first."""
+    """Return the residual of each phase of contact, worst first; `held_out` says which recordings these are."""
     predicted = evidence.simulated([world])
     residual = evidence.whitened([y[0] for y in predicted])
     out = []

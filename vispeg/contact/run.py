@@ -120,19 +120,19 @@ def diagnose_contact(
     hit = unsearched(world, state.world, evidence, judged, (fitted, held_out), nthread)
     fitted_world = state.world.add(*hit.effects)
     rests = [*remainder(evidence, state.world), *remainder(judged, state.world, held_out=True)]
-    seen = (errors[0] / judged.floor, errors[1] / judged.floor)
-    verdict = in_phases(decide(before, after, len(fitted_world.effects) - n_fixed, rivals, [], errors=seen), rests)
+    in_floors = (errors[0] / judged.floor, errors[1] / judged.floor)
+    verdict = in_phases(decide(before, after, len(fitted_world.effects) - n_fixed, rivals, [], errors=in_floors), rests)
     wrong = of_form(evidence, state.fit, judge.mean(judge.losses([begin.bare])[0]), after)
     corrected = widened(repeated(state.world, n_fixed), range(n_fixed, len(state.world.effects)), wrong).add(
         *hit.effects
     )
     models = {"given": world, "corrected": corrected} if len(corrected.effects) > n_fixed else {"given": world}
-    replayed, said = closed_loop(held_out, models, nthread)
+    replayed, replay_notes = closed_loop(held_out, models, nthread)
     verdict = last_judge.judged(verdict, replayed, held_out, corrected, n_fixed, nthread)
     together = entangled.entangled(state.fit, n_fixed)
     verdict = weighed.judged(entangled.judged(layer.judged(verdict, corrected, n_fixed), together), tool)
-    taken = allowed(judged, {"given": world, "corrected": state.world} if len(models) > 1 else {"given": world})
-    verdict = with_nuisance(verdict, taken)
+    nuisances = allowed(judged, {"given": world, "corrected": state.world} if len(models) > 1 else {"given": world})
+    verdict = with_nuisance(verdict, nuisances)
     final = with_origin(
         corrected,
         n_fixed,
@@ -161,7 +161,7 @@ def diagnose_contact(
         "channels": channels(judged, predicted),
         "not_excited": unseen,
         "shows_from": shows_from(shows),
-        "allowed": taken,
+        "allowed": nuisances,
         "closed_loop": replayed,
         "next_experiment": weighed.separating(tool) or separating(fitted_world, rivals, unseen, together, recorded),
         "candidates": candidates(state, rivals, n_fixed),
@@ -169,7 +169,7 @@ def diagnose_contact(
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],
         "correlations": correlations(state),
         "parameters_moved": moved(state),
-        "notes": [*evidence.notes, *hit.notes, *said],
+        "notes": [*evidence.notes, *hit.notes, *replay_notes],
     }
     return Diagnosis(record, final, arrays(judged, predicted))
 

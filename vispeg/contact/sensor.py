@@ -39,8 +39,8 @@ def true_per_read(path: Path, world: World) -> float:
     if not any(effect(e.effect).overrides("wrench") for e in world.effects):
         return 1.0
     constant = replace(path, wrench=np.ones_like(path.wrench))
-    more = true_wrench(replace(path, wrench=2 * constant.wrench), world) - true_wrench(constant, world)
-    return float(more.mean())
+    change = true_wrench(replace(path, wrench=2 * constant.wrench), world) - true_wrench(constant, world)
+    return float(change.mean())
 
 
 def trusted(recordings: Sequence[Recording], read: Sequence[bool]) -> tuple[float, float]:
@@ -49,7 +49,7 @@ def trusted(recordings: Sequence[Recording], read: Sequence[bool]) -> tuple[floa
     Only recordings whose wrench was `read` by a sensor count for the force. If there are none, its least value is used,
     so that softer springs hold the hand.
     """
-    by = [r for r, sensor in zip(recordings, read, strict=True) if sensor]
-    force = max([RULES.sensor_least, *(float(r.noise.get("ft", 0.0)) for r in by)])
+    with_sensor = [r for r, was_read in zip(recordings, read, strict=True) if was_read]
+    force = max([RULES.sensor_least, *(float(r.noise.get("ft", 0.0)) for r in with_sensor)])
     place = max([RULES.place_least, *(REACH * float(np.max(noise_of(r)["q"])) for r in recordings)])
     return force, place

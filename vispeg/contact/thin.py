@@ -14,10 +14,10 @@ from vispeg.recordings.regimes import IMPACT
 CHUNK, LEAD = 12, 3  # blocks chosen at a time; blocks until a window is independent of its start
 NEAR = 3  # blocks of free air around a contact that show when it begins
 FREE = 2.0  # s of free air that are simulated
-PART, PIECE = 3, 12  # for screening, at most one in PART pieces is left, of PIECE blocks each
-# s of compared blocks that a screen needs. Of a squared change, errors of the path leave in 1 to 2 s a tenth to a
-# fortieth of what they leave in all blocks (compliances and tilts of `tests/pressed.py`), in 6 s half (a development
-# case of `scripts/bench/hidden_contact`).
+PART, PIECE = 3, 12  # a screen simulates at least one in PART pieces, of PIECE blocks each
+# s of compared blocks that a screen needs. Errors of the path explain a part of a change of the residual. Of the square
+# of the change they leave 10 to 40 times less in 1 to 2 s than in all blocks (compliances and tilts of
+# `tests/pressed.py`), and half as much in 6 s (a development case of `scripts/bench/hidden_contact`).
 SCREENED = 6.0
 
 
@@ -33,6 +33,7 @@ def thinned(phase: Phases, seconds: float) -> Phases:
     driven = np.zeros(m, bool)
     used = chosen.copy()
     for start in np.flatnonzero(chosen & ~np.r_[False, chosen[:-1]]):
+        # the window begins LEAD blocks earlier, or as many as follow an impact; chosen ones make up for those that lack
         before = phase.code[max(start - LEAD, 0) : start]
         lead = int(np.argmin(np.r_[before[::-1] != IMPACT, False]))
         driven[start - lead : start] = True
@@ -57,7 +58,7 @@ def without(phase: Phases, read: np.ndarray) -> Phases:
 
 
 def part(phases: Sequence[Phases]) -> int:
-    """Return n, of which a screen simulates one in n pieces: at most `PART`, and about `SCREENED` seconds are left."""
+    """Return n if a screen simulates one in n pieces: about `SCREENED` seconds, or more, as n is at most `PART`."""
     seconds = RULES.contact_block * sum(int(phase.valid.sum()) for phase in phases)
     return max(1, min(PART, round(seconds / SCREENED)))
 
@@ -72,7 +73,7 @@ def pieces(phase: Phases, part: int) -> tuple[slice, ...]:
 
 
 def driven_blocks(phase: Phases, windows: Sequence[slice]) -> np.ndarray:
-    """Return the blocks in some windows that are independent of the window's start, (m,) bool."""
+    """Return the used blocks in these windows that are independent of the window's start, (m,) bool."""
     out = np.zeros(len(phase.time), bool)
     for w in windows:
         out[w.start // phase.size + LEAD : w.stop // phase.size] = True
@@ -83,7 +84,8 @@ def _spread(flag: np.ndarray, most: float) -> np.ndarray:
     """Return about `most` of the flagged blocks, (m,) bool, in chunks spread evenly; all if there are no more."""
     rows = np.flatnonzero(flag)
     chunks = np.array_split(rows, max(1, len(rows) // CHUNK))
-    some = np.linspace(0, len(chunks) - 1, max(1, min(len(chunks), int(most / CHUNK)))).round().astype(int)
+    count = max(1, min(len(chunks), int(most / CHUNK)))
+    chosen = np.linspace(0, len(chunks) - 1, count).round().astype(int)
     out = np.zeros(len(flag), bool)
-    out[np.concatenate([chunks[k] for k in some])] = True
+    out[np.concatenate([chunks[k] for k in chosen])] = True
     return out

@@ -66,7 +66,7 @@ def said(rec: Recording, estimate: External) -> str:
 
 
 def _blind(columns: np.ndarray) -> str:
-    """Return which directions (6, k) are unobservable, in words."""
+    """Return which directions (6, k), N and N m, are unobservable, in words."""
     words = []
     for column in columns.T[np.abs(columns).max(axis=0) > 0]:
         scaled = column / np.repeat([100.0, 10.0], 3)

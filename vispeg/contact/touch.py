@@ -52,7 +52,8 @@ def touches(rec: Recording, scene: Scene) -> bool:
     """Return whether the tip came so close to the fixture or the table that it may have touched."""
     pose = flange_pose(scene.nominal, rec.q)
     w, x, y, z = pose[:, 3:].T
-    out = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
-    tip = pose[:, :3] + scene.tip * out - scene.target
+    flange_z = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
+    tip = pose[:, :3] + scene.tip * flange_z - scene.target
     over = np.abs(tip[:, :2]).max(axis=1) < scene.config.block + RULES.tip_round
-    return bool(np.any(np.where(over, tip[:, 2], tip[:, 2] + scene.target[2]) < RULES.tip_near))
+    height = np.where(over, tip[:, 2], tip[:, 2] + scene.target[2])  # m, above the goal's mouth or the table (z = 0)
+    return bool(np.any(height < RULES.tip_near))

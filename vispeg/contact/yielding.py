@@ -43,8 +43,8 @@ def arm_displacement(item: ContactItem, worlds: Sequence[World], wrench: np.ndar
         return None
     path, arm = item.path, item.source.scene.nominal
     time = path.time
-    some = slice(None, None, max(1, round(EVERY * item.recording.rate_hz)))
-    clock, q = path.clock[some], bridged(path.clock, item.recording.q[path.rows])[some]
+    sampled = slice(None, None, max(1, round(EVERY * item.recording.rate_hz)))
+    clock, q = path.clock[sampled], bridged(path.clock, item.recording.q[path.rows])[sampled]
     jac, still = flange_jacobian(arm, q), np.zeros_like(q)
     weight = needed(arm, q, still, still)
     turn = jacobian(np.stack([np.interp(clock, time, a) for a in path.place[:, 3:].T], axis=1))
@@ -54,7 +54,7 @@ def arm_displacement(item: ContactItem, worlds: Sequence[World], wrench: np.ndar
         return np.stack([np.interp(time, clock, c) for c in flat.T], axis=1).reshape(len(time), *v.shape[1:])
 
     jac, weight = on_steps(jac), on_steps(weight)
-    to_hand = on_steps(np.linalg.inv(np.swapaxes(turn, 1, 2)))  # of a twist in the flange's axes
+    to_hand = on_steps(np.linalg.inv(np.swapaxes(turn, 1, 2)))  # twist in flange axes -> rates
     out = np.zeros((len(worlds), 2, len(time), 6))
     for w, world in enumerate(soft):
         if not world.effects:

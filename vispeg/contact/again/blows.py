@@ -125,7 +125,8 @@ def predicted(blow: Blow, worlds: Sequence[World], nthread: int = 1) -> np.ndarr
 def _felt(force: np.ndarray, rate: float, before: int, threshold: float) -> np.ndarray:
     """Return impulse, N s, and flight, s, of a force along its axis; NaN without an impact.
 
-    A tool that does not touch again counts as flying until the end of `force`; one that does not separate does not fly.
+    A tool that does not touch again counts as flying until the end of `force`; one that does not separate within twice
+    `HIT` does not fly.
 
     Args:
         force: (n,) N.

@@ -43,15 +43,15 @@ def closed_loop(
         One entry per episode, with `measured` as its first trial, and messages on episodes that cannot be simulated.
     """
     out: list[Replayed] = []
-    said: list[str] = []
+    notes: list[str] = []
     for rec in recordings:
         if len(out) == MOST or not rec.outcomes or rec.control.mode != "osc" or rec.ee_cmd is None:
             continue
         try:
             out.append({"recording": rec.name, "trials": _trials(first_episode(rec), models, nthread)})
         except UserError as error:
-            said.append(f"not run again in closed loop: {error}")
-    return out, said
+            notes.append(f"not run again in closed loop: {error}")
+    return out, notes
 
 
 def _trials(rec: Recording, models: Mapping[str, World], nthread: int) -> dict[str, Trial]:

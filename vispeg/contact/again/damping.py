@@ -59,7 +59,7 @@ def struck(world: World, fitted: Sequence[Recording], held_out: Sequence[Recordi
     """
     if any(e.effect in (NAME, TWIN) for e in world.effects):
         return Struck()
-    fit, judge = ([b for rec in some for b in blows(rec)] for some in (fitted, held_out))
+    fit, judge = ([b for rec in recordings for b in blows(rec)] for recordings in (fitted, held_out))
     if not fit or not judge:
         return Struck(unseen=_unseen({"fitted": (fitted, fit), "held-out": (held_out, judge)}))
     scene = fit[0].scene
@@ -100,29 +100,29 @@ class _Off:
     rms: float
 
 
-def _off(some: Sequence[Blow], world: World, nthread: int) -> _Off:
-    error = np.array([b.felt - np.nan_to_num(predicted(b, [world], nthread)[0]) for b in some])
-    sigma = np.array([b.sigma for b in some])
+def _off(hits: Sequence[Blow], world: World, nthread: int) -> _Off:
+    error = np.array([b.felt - np.nan_to_num(predicted(b, [world], nthread)[0]) for b in hits])
+    sigma = np.array([b.sigma for b in hits])
     return _Off(float(np.sum((error / sigma) ** 2)), error.size, float(np.sqrt(np.mean(error[:, 1] ** 2))))
 
 
-def _squares(some: Sequence[Blow], worlds: Sequence[World], nthread: int) -> np.ndarray:
+def _squares(hits: Sequence[Blow], worlds: Sequence[World], nthread: int) -> np.ndarray:
     """Return the squared whitened residual (nworld,) over all impacts.
 
     A world without contact has no impulse and no flight.
     """
     total = np.zeros(len(worlds))
-    for b in some:
+    for b in hits:
         total += np.sum(((b.felt - np.nan_to_num(predicted(b, worlds, nthread))) / b.sigma) ** 2, axis=1)
     return total
 
 
-def _rise(least: float, some: Sequence[Blow]) -> float:
-    """Return the rise of the squared residual at the ends of an interval."""
-    return RULES.interval * RULES.blow_hang * max(1.0, least / sum(len(b.felt) for b in some))
+def _rise(least: float, hits: Sequence[Blow]) -> float:
+    """Return the rise of the squared residual above its `least` value at the ends of an interval."""
+    return RULES.interval * RULES.blow_hang * max(1.0, least / sum(len(b.felt) for b in hits))
 
 
-def _fitted(world: World, where: str, some: Sequence[Blow], nthread: int) -> tuple[float, float, float, float, float]:
+def _fitted(world: World, where: str, hits: Sequence[Blow], nthread: int) -> tuple[float, float, float, float, float]:
     """Fit the scale of the damping on two grids.
 
     Returns:
@@ -130,7 +130,7 @@ def _fitted(world: World, where: str, some: Sequence[Blow], nthread: int) -> tup
     """
 
     def squares(scales: np.ndarray) -> np.ndarray:
-        return _squares(some, [world.add(EffectInstance.of(NAME, where, scale=float(s))) for s in scales], nthread)
+        return _squares(hits, [world.add(EffectInstance.of(NAME, where, scale=float(s))) for s in scales], nthread)
 
     coarse = squares(SCALES)
     k = int(np.argmin(coarse))
@@ -139,9 +139,9 @@ def _fitted(world: World, where: str, some: Sequence[Blow], nthread: int) -> tup
     none, order = float(values[-1]), np.argsort(scales)
     scales, values = scales[order], values[order]
     best = int(np.argmin(values))
-    level = float(values[best]) + _rise(float(values[best]), some)
+    level = float(values[best]) + _rise(float(values[best]), hits)
     inside = np.flatnonzero(values <= level)
-    low, high = inside[0], inside[-1]
+    low, high = inside[0], inside[-1]  # indices of `scales`
     return (
         float(scales[best]),
         _crossing(scales, values, level, low, max(low - 1, 0)),
@@ -162,12 +162,12 @@ def _crossing(scales: np.ndarray, values: np.ndarray, level: float, inside: int,
     return float(np.exp(np.log(scales[inside]) * (1 - share) + np.log(scales[outside]) * share))
 
 
-def _rivals(world: World, scene: Scene, some: Sequence[Blow], most: float, nthread: int) -> list[str]:
+def _rivals(world: World, scene: Scene, hits: Sequence[Blow], most: float, nthread: int) -> list[str]:
     """Return labels of effects that at some size explain the impacts to within the squared residual `most`."""
     there = {e.effect for e in world.effects}
     kinds = [k for k in looked_for() if k.stage in BESIDE and k.name not in there and place_of(k, scene)]
     probes = [p for k in kinds for _, p in tries(k.name, place_of(k, scene))]
-    squares = _squares(some, [world.add(p) for p in probes], nthread)
+    squares = _squares(hits, [world.add(p) for p in probes], nthread)
     return sorted({p.label for p, square in zip(probes, squares, strict=True) if square <= most})
 
 

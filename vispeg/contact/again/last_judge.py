@@ -47,8 +47,8 @@ def judged(
         measured, (name, last) = row["trials"]["measured"], list(row["trials"].items())[-1]
         if last.get("free_off", np.inf) > RULES.arm_free or alike(measured, [last]):
             continue
-        of = [r for r in held_out if r.name == row["recording"]]
-        ends, _ = closed_loop(of, {str(k): w for k, w in enumerate(at_ends(world, n_fixed))}, threads)
+        source = [r for r in held_out if r.name == row["recording"]]
+        ends, _ = closed_loop(source, {str(k): w for k, w in enumerate(at_ends(world, n_fixed))}, threads)
         others = [trial for end in ends for key, trial in end["trials"].items() if key != "measured"]
         if alike(measured, [last, *others]):
             continue

@@ -16,7 +16,7 @@ from vispeg.recordings.checks.quality import runs
 
 
 def bearing(item: ContactItem) -> list[np.ndarray]:
-    """Return possible errors of the predicted wrench, each (m, 6) N and N m for m samples.
+    """Return possible errors of the predicted wrench, each (m, 6) N and N m for m blocks.
 
     There are two for each sticking press: the tip bears off the axis by `bears_aside` radii, along either of the two
     axes across the tool.

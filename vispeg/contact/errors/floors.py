@@ -50,7 +50,7 @@ def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
         ).correction
     )[0]
     out = np.empty_like(residual)
-    ends = np.convolve(phase.of("slide"), np.ones(2 * RULES.floor_loose + 1), "same") > 0
+    near_slide = np.convolve(phase.of("slide"), np.ones(2 * RULES.floor_loose + 1), "same") > 0
     unit = np.repeat([1.0, LEVER], 3)
     forms: dict[str, float] = dict(zip(NAMES, RULES.floor_form, strict=True))
     shares: dict[str, float] = dict(zip(NAMES, RULES.floor_share, strict=True))
@@ -58,12 +58,12 @@ def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
         rows, used = phase.of(name), phase.of(name) & phase.valid & ~phase.resting
         if rows.any():
             rms = np.sqrt(np.mean(residual[used] ** 2, axis=0)) if used.any() else 0.0
-            breaks = rows & ends
-            for some, law in ((rows & ~ends, name), (breaks, name if name == "impact" else "slide")):
+            # blocks near a slide have its error of form, for no model says when exactly a contact breaks loose
+            for blocks, law in ((rows & ~near_slide, name), (rows & near_slide, name if name == "impact" else "slide")):
                 wedge = RULES.floor_wedged if law == REGIMES[INSIDE] else 0.0
-                share = shares[law] + wedge * wedged(item)[some]
-                form = np.hypot(forms[law], share * phase.force[some])
-                out[some] = np.hypot(rms, form[:, None] * unit)
+                share = shares[law] + wedge * wedged(item)[blocks]
+                form = np.hypot(forms[law], share * phase.force[blocks])
+                out[blocks] = np.hypot(rms, form[:, None] * unit)
     chatter = np.sqrt(np.maximum(phase.scatter(path.wrench) ** 2 - sigma**2, 0.0))
     out = np.hypot(out, chatter / np.sqrt(phase.size))
     out[phase.resting] = np.repeat([RULES.zero_between, RULES.zero_between * LEVER], 3)

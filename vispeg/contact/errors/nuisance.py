@@ -100,9 +100,9 @@ def nuisance(items: Sequence[ContactItem]) -> Nuisance:
     columns = np.concatenate(shared, axis=0)
     out = np.zeros((ends[-1], columns.shape[1] + sum(o.shape[1] for o in separate)))
     out[:, : columns.shape[1]], at = columns, columns.shape[1]
-    for start, end, some in zip(ends[:-1], ends[1:], separate, strict=True):
-        out[start:end, at : at + some.shape[1]] = some
-        at += some.shape[1]
+    for start, end, own in zip(ends[:-1], ends[1:], separate, strict=True):
+        out[start:end, at : at + own.shape[1]] = own
+        at += own.shape[1]
     return Nuisance.of(out, np.concatenate([of_shared[0], *of_separate]))
 
 
@@ -174,7 +174,10 @@ def _bound(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _place(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
-    """Return the flange in the base block by block: position (m, 3) m and rotation vector (m, 3)."""
+    """Return the flange in the base block by block: position (m, 3) m, and rotation vector (m, 3) rad.
+
+    The latter is of the flange turned by pi about its x axis.
+    """
     path = item.path
     at = path.place[item.phase.rows(path.time), :3]
     frame = Rotation.from_quat(path.frame, scalar_first=True)
@@ -182,40 +185,44 @@ def _place(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _smooth(places: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[np.ndarray]:
-    """Return for each item (m, k) unit errors that vary slowly over the poses, as one function for all items."""
+    """Return for each item (m, k) unit errors that vary slowly over the poses, as one function for all items.
+
+    They are the principal components of a Gaussian process over the poses.
+    """
     every = np.concatenate(
         [np.concatenate([p / RULES.kinematics_far, r / RULES.kinematics_twist], axis=1) for p, r in places]
     )
     square = (every**2).sum(axis=1)
     kernel = np.exp(-0.5 * np.maximum(square[:, None] + square[None] - 2 * every @ every.T, 0.0))
     value, vector = np.linalg.eigh(kernel)
-    some = value > 1e-3 * value[-1]
-    return np.split(vector[:, some] * np.sqrt(value[some]), np.cumsum([len(p) for p, _ in places])[:-1])
+    kept = value > 1e-3 * value[-1]
+    return np.split(vector[:, kept] * np.sqrt(value[kept]), np.cumsum([len(p) for p, _ in places])[:-1])
 
 
 def _misplaced(item: ContactItem, smooth: np.ndarray) -> list[np.ndarray]:
-    """Return the wrench due to kinematic errors along each base axis.
+    """Return the wrench due to each of the `smooth` (m, k) unit errors of the kinematics, along each base axis.
 
-    It is the larger of the model's response and that of the measured contact.
+    It is the larger of the model's response and that of the measured contact, plus the force of the tool's mass under
+    the false acceleration of a path with this error.
     """
     axes = _turn(item).inv().as_matrix()
     w, held = _bound(item)
     start = Rotation.from_quat(item.path.frame, scalar_first=True).as_matrix()
     model = np.einsum("aj,jmc->amc", start, item.path_response[:3])
     measured = held[None] * (RULES.kinematics_place * np.einsum("bij,bi->jb", axes, w[:, :3]))[:, :, None]
-    some = _larger(model, measured)
+    response = _larger(model, measured)
     bent = np.gradient(np.gradient(smooth, item.period, axis=0), item.period, axis=0)  # 1/s^2: false acceleration
     mass, centre = _tool(item)
     out = []
     for a in range(3):
         force = mass * RULES.kinematics_place * axes[:, :, a]
         free = np.concatenate([force, np.cross(centre, force)], axis=1)
-        out += [some[a] * s[:, None] + free * b[:, None] for s, b in zip(smooth.T, bent.T, strict=True)]
+        out += [response[a] * s[:, None] + free * b[:, None] for s, b in zip(smooth.T, bent.T, strict=True)]
     return out
 
 
 def _turned(item: ContactItem) -> list[np.ndarray]:
-    """Return the wrench due to rotation errors of the hand, one constant error per recording."""
+    """Return the wrench due to rotation errors of the hand, constant over an item, about each of three axes."""
     w, held = _bound(item)
     measured = held[None] * (RULES.kinematics_turn * w[:, 3:]).T[:, :, None]
     return list(_larger(item.path_response[3:], measured))
@@ -279,6 +286,9 @@ def _chatters(item: ContactItem) -> list[np.ndarray]:
     In the model every slide chatters, however smooth it is: a convex contact opens as it slides (MuJoCo 4.0 manual,
     Computation, Contact). A tool whose mass is off its axis then swings sideways with every hop, so it also drags
     across the direction of sliding.
+
+    Returns:
+        (m, 6) N and N m each: back and up, of all slides together; then across, one for each slide.
     """
     phase, turn = item.phase, _turn(item)
     slides = (phase.code != NAMES.index("free")) & (phase.speed >= RULES.stuck_speed)
@@ -290,7 +300,9 @@ def _chatters(item: ContactItem) -> list[np.ndarray]:
     pushes = [RULES.slide_blows * size[:, None] * way for way in (drag, np.tile(up, (len(size), 1)))]
     across = RULES.slide_across * np.cross(up, force)
     for a, b in runs(slides):
-        pushes.append(np.where((np.arange(len(size)) >= a) & (np.arange(len(size)) < b), across.T, 0.0).T)
+        push = np.zeros_like(across)
+        push[a:b] = across[a:b]
+        pushes.append(push)
     return [_at_tip(item, turn.inv().apply(push)) for push in pushes]
 
 

@@ -36,7 +36,7 @@ def wedging(item: ContactItem) -> np.ndarray:
     scene, contact = item.source.scene, item.phase.contact
     tip = tips(item.path, scene)[item.phase.rows(item.path.time)]
     depth, over = -tip[:, 2], np.hypot(tip[:, 0], tip[:, 1]) < 2 * scene.config.apothem
-    middle = scene.tip - 0.5 * depth  # of the two forces, along the part's axis
+    middle = scene.tip - 0.5 * depth  # m along the flange's z, halfway between the two forces
     couple = contact[:, 3:5] - middle[:, None] * np.stack([-contact[:, 1], contact[:, 0]], axis=1)
     across = np.linalg.norm(contact[:, :2], axis=1)
     both = 2 * np.linalg.norm(couple, axis=1) / np.maximum(depth, RULES.wedge_depth)

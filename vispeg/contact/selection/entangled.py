@@ -29,9 +29,9 @@ def entangled(fit: Fit | None, n_fixed: int) -> list[Together]:
     value, vector = np.linalg.eigh(columns.T @ columns)
     out: list[Together] = []
     for way in vector.T[value < 1 - RULES.correlated]:
-        some = sorted({fit.space.axes[i].index for i in np.flatnonzero(np.abs(way) > RULES.combined_part)})
-        together = tuple(fit.world.effects[i] for i in some)
-        if len(some) > 1 and some[0] >= n_fixed and together not in out:
+        indices = sorted({fit.space.axes[i].index for i in np.flatnonzero(np.abs(way) > RULES.combined_part)})
+        together = tuple(fit.world.effects[i] for i in indices)
+        if len(indices) > 1 and indices[0] >= n_fixed and together not in out:
             out.append(together)
     return out
 
@@ -40,15 +40,15 @@ def judged(verdict: Verdict, sets: Sequence[Together]) -> Verdict:
     """Change `identified` to `ambiguous` if some effects are determined only in combination."""
     if verdict.verdict != "identified" or not sets:
         return verdict
-    named = "; ".join(" and ".join(e.label for e in some) for some in sets)
+    named = "; ".join(" and ".join(e.label for e in together) for together in sets)
     return Verdict("ambiguous", f"these recordings determine only a combination of {named}", partial=verdict.partial)
 
 
 def beside(effects: list[FoundEffect], sets: Sequence[Together]) -> list[FoundEffect]:
     """Add to each effect of a record those with which only a combination is determined; return the effects."""
-    for some in sets:
-        for a in some:
+    for together in sets:
+        for a in together:
             entry = next(e for e in effects if (e["effect"], e["where"]) == (a.effect, a.where))
-            others: list[Place] = [{"effect": b.effect, "where": b.where} for b in some if b is not a]
+            others: list[Place] = [{"effect": b.effect, "where": b.where} for b in together if b is not a]
             entry["indistinguishable_from"] += [o for o in others if o not in entry["indistinguishable_from"]]
     return effects

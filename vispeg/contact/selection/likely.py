@@ -92,6 +92,7 @@ def intervals(evidence: ContactEvidence, fit: Fit) -> tuple[World, np.ndarray]:
         ends = [fit.u[i]]
         for ray, points in zip(ways.rays, ways.points, strict=True):
             if ray.axis == i:
+                # a rise above the least residual on any ray, which may be below the fit's
                 level = ray.rise * max(1.0 + ways.least / ray.rise, RULES.interval_less)
                 ends.append(fit.u[i] + _end(points, level) * ray.direction[i])
         values = [fit.space.backward(float(np.clip(e, low[i], high[i])), axis) for e in ends]
@@ -140,23 +141,23 @@ def _rays(evidence: ContactEvidence, fit: Fit) -> list[Ray]:
 
 
 def disagreement(fit: Fit, sizes: Sequence[int]) -> np.ndarray:
-    """Return the drop of the squared residual (naxis,) per extra value if each recording has its own coordinate value.
+    """Return the drop of the squared residual (naxis,) per extra value if each item has its own coordinate value.
 
-    To first order; `sizes` are the recordings' parts of the residual. 0 if only one of them determines the coordinate.
+    To first order; `sizes` are the items' numbers of residuals. 0 if at most one item determines the coordinate.
     """
-    of = np.repeat(np.arange(len(sizes)), sizes)[:, None] == np.arange(len(sizes))
+    of_item = np.repeat(np.arange(len(sizes)), sizes)[:, None] == np.arange(len(sizes))  # (n, nitem) bool
     unit = fit.jacobian / np.maximum(np.linalg.norm(fit.jacobian, axis=0), FLAT)
     out = np.zeros(len(fit.u))
     for i, column in enumerate(unit.T):
-        each = column[:, None] * of
+        each = column[:, None] * of_item
         each = each[:, np.linalg.norm(each, axis=0) > RULES.interval_faint]
         if each.shape[1] > 1:
-            apart = _left(np.column_stack([np.delete(unit, i, axis=1), each]), fit.residual)
-            out[i] = (_left(unit, fit.residual) - apart) / (each.shape[1] - 1)
+            apart = _unexplained(np.column_stack([np.delete(unit, i, axis=1), each]), fit.residual)
+            out[i] = (_unexplained(unit, fit.residual) - apart) / (each.shape[1] - 1)
     return out
 
 
-def _left(columns: np.ndarray, residual: np.ndarray) -> float:
+def _unexplained(columns: np.ndarray, residual: np.ndarray) -> float:
     """Return the squared residual that no combination of columns explains."""
     change, *_ = np.linalg.lstsq(columns, residual, rcond=1e-6)
     return float(np.sum((residual - columns @ change) ** 2))

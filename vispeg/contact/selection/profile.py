@@ -30,9 +30,13 @@ def looked_for() -> list[Effect]:
 
 
 def place_of(kind: Effect, scene: Scene) -> str:
-    """Return the place at which an effect is sought, the dominant one of several; "" if it has none."""
+    """Return the place at which an effect is sought: all, the held part, or its first place; "" if it has none."""
     targets = kind.targets(scene)
-    return ALL if kind.shared and targets else scene.held if scene.held in targets else (targets or [""])[0]
+    if not targets:
+        return ""
+    if kind.shared:
+        return ALL
+    return scene.held if scene.held in targets else targets[0]
 
 
 def places(evidence: ContactEvidence, world: World) -> list[tuple[str, str]]:
@@ -53,7 +57,7 @@ def places(evidence: ContactEvidence, world: World) -> list[tuple[str, str]]:
 
 
 def tries(name: str, where: str) -> list[tuple[str, EffectInstance]]:
-    """Return every parameter of an effect at every size, one parameter at a time."""
+    """Return (parameter, effect with it at one of its trial sizes) for every parameter and size of an effect."""
     return [(k, EffectInstance.of(name, where, **{k: v})) for k, values in effect(name).sizes.items() for v in values]
 
 

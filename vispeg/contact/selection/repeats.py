@@ -33,9 +33,9 @@ def allowing(placed: EffectInstance) -> EffectInstance:
     """Return the effect with widened intervals; intervals of parameters that are not poses stay."""
     params = dict(placed.params)
     for k, v in params.items():
-        if v.low is not None and v.high is not None and (more := 1.96 * uncertainty(placed.effect, k)) > 0:
+        if v.low is not None and v.high is not None and (margin := 1.96 * uncertainty(placed.effect, k)) > 0:
             param = effect(placed.effect).params[k]
-            low, high = v.value - np.hypot(v.value - v.low, more), v.value + np.hypot(v.high - v.value, more)
+            low, high = v.value - np.hypot(v.value - v.low, margin), v.value + np.hypot(v.high - v.value, margin)
             params[k] = replace(v, low=float(max(low, param.low)), high=float(min(high, param.high)))
     return replace(placed, params=params)
 

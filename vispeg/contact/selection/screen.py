@@ -81,13 +81,13 @@ class Screen:
         parts = [self.part if in_part and not effect(placed.effect).remembers else 1 for _, placed in tries]
         out: dict[int, tuple[Probe, float]] = {}
         for part, residuals in self.residuals.items():
-            some = [k for k, p in enumerate(parts) if p == part]
-            if not some:
+            asked = [k for k, p in enumerate(parts) if p == part]
+            if not asked:
                 continue
             if part not in self.base:
                 self.base[part] = self._begin(part)
             base, basis = self.base[part]
-            for k, r in zip(some, residuals([self.world.add(tries[k][1]) for k in some]), strict=True):
+            for k, r in zip(asked, residuals([self.world.add(tries[k][1]) for k in asked]), strict=True):
                 rest = r - basis @ (basis.T @ r)
                 out[k] = _probe(*tries[k], base, rest, part), _promised(base, rest, part)
         return [out[k][0] for k in range(len(tries))], [out[k][1] for k in range(len(tries))]

@@ -60,7 +60,7 @@ class ContactSearch(Search):
 
     @property
     def least(self) -> Mapping[tuple[str, str], Mapping[str, float]]:
-        """(effect, place) -> parameter -> minimum detectable size beside the given model; simulated once."""
+        """(effect, place) -> parameter -> minimum detectable size added to the given model; simulated once."""
         return least_sizes(self, self.given)
 
     def missing(self, world: World) -> list[MissingTorque]:
@@ -210,8 +210,9 @@ class ContactSearch(Search):
         return trials
 
     def scored(self, state: State) -> list[Score]:
-        """Return the best size of each effect added to a state; parameters without a visible size stay fixed in later
-        fits.
+        """Return the best size of each effect added to a state.
+
+        Parameters without a visible size stay fixed in later fits.
         """
         has = {e.effect for e in state.world.effects}
         probes = self.probed(state.world, places(self.evidence, state.world))
@@ -247,16 +248,16 @@ class ContactSearch(Search):
         """
         drop = float(state.residual @ state.residual - trial.fit.residual @ trial.fit.residual)
         count = len([a for a in trial.fit.space.axes if a.index >= len(trial.fit.world.effects) - trial.score.count])
-        more = form(self.evidence.items, state.residual) if state.fit is not None else 0.0
-        return drop > max(self.need(trial.fit.cost, count), more)
+        least = form(self.evidence.items, state.residual) if state.fit is not None else 0.0
+        return drop > max(self.need(trial.fit.cost, count), least)
 
     def holds(self, state: State, trial: Trial) -> bool:
         """Return whether the gain of one effect shows in the held-out recordings, to which nothing is fitted."""
-        more = self.held_form(state.world) if state.fit is not None else 0.0
-        return float((state.loss - trial.loss).sum()) > max(self.confirms(self.judge.mean(trial.loss)), more)
+        least = self.held_form(state.world) if state.fit is not None else 0.0
+        return float((state.loss - trial.loss).sum()) > max(self.confirms(self.judge.mean(trial.loss)), least)
 
     def held_form(self, world: World) -> float:
-        """See `vispeg.contact.selection.form.form`, for the held-out recordings."""
+        """Return `vispeg.contact.selection.form.form` of a world in the held-out recordings."""
         judged = self.judge.evidence
         assert isinstance(judged, ContactEvidence)
         return form(judged.items, judged.residuals([world])[0])

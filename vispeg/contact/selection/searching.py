@@ -20,7 +20,7 @@ class ContactSearching(Searching, Protocol):
 
     @property
     def least(self) -> Mapping[tuple[str, str], Mapping[str, float]]:
-        """(effect, place) -> parameter -> minimum detectable size beside the given model."""
+        """(effect, place) -> parameter -> minimum detectable size added to the given model."""
         ...
 
     @property
@@ -45,7 +45,7 @@ class ContactSearching(Searching, Protocol):
         ...
 
     def held_form(self, world: World) -> float:
-        """Return the error of form in the held-out recordings, see `vispeg.contact.selection.form.form`."""
+        """Return `vispeg.contact.selection.form.form` of a world in the held-out recordings."""
         ...
 
     def remove(self, state: State, fit: Fit, loss: np.ndarray) -> None:

@@ -54,7 +54,7 @@ def _tried(
     for step in range(max((len(w) for w in ways), default=0)):
         ways = [w for w in ways if len(w) > step]
         shares = _shares(fitted, [w[step] for w in ways], needs[0])
-        # the held-out recordings are asked of sizes that the fitted ones show, and of the last, which is extrapolated
+        # held-out recordings are simulated with sizes that the fitted ones show, and with the last, to extrapolate
         both = [k for k, w in enumerate(ways) if shares[k] >= 1.0 or len(w) == step + 1]
         shares[both] = np.minimum(shares[both], _shares(held, [ways[k][step] for k in both], needs[1]))
         asked = zip((w[step] for w in ways), shares.tolist(), strict=True)

@@ -18,19 +18,22 @@ from vispeg.diagnosis.selection.state import State
 def remove_unneeded(search: ContactSearching, state: State, n_fixed: int) -> bool:
     """Remove the effect that is needed least once the others are refitted.
 
-    Return False if all are needed, or if there are fewer than two. An early effect may imitate a later one. Derivatives
-    cannot show this, because a change of a parameter makes contacts begin or end.
+    An early effect may imitate a later one. Derivatives cannot show this, because a change of a parameter makes
+    contacts begin or end.
+
+    Returns:
+        False if all are needed, or if there are fewer than two.
     """
-    some = state.world.effects[n_fixed:]
-    if state.fit is None or len(some) < 2:
+    added = state.world.effects[n_fixed:]
+    if state.fit is None or len(added) < 2:
         return False
-    worlds = [state.world.without(e.effect, e.where) for e in some]
-    search.say(f"leaving out {', '.join(e.label for e in some)}")
+    worlds = [state.world.without(e.effect, e.where) for e in added]
+    search.say(f"leaving out {', '.join(e.label for e in added)}")
     fits = search.reduced(worlds, n_fixed)
     losses = search.judge.losses([f.world for f in fits])
     worse = [float(f.residual @ f.residual - state.residual @ state.residual) for f in fits]
     held = [float((loss - state.loss).sum()) for loss in losses]
-    count = [len([a for a in state.fit.space.axes if a.index == n_fixed + k]) for k in range(len(some))]
+    count = [len([a for a in state.fit.space.axes if a.index == n_fixed + k]) for k in range(len(added))]
     cost = state.fit.cost, search.judge.mean(state.loss)
     weak = [
         k
@@ -41,7 +44,7 @@ def remove_unneeded(search: ContactSearching, state: State, n_fixed: int) -> boo
     if not weak:
         return False
     k = min(weak, key=lambda k: worse[k] / count[k])
-    search.say(f"not needed with the others: {some[k].label}")
+    search.say(f"not needed with the others: {added[k].label}")
     search.remove(state, fits[k], losses[k])
     return True
 
@@ -49,7 +52,7 @@ def remove_unneeded(search: ContactSearching, state: State, n_fixed: int) -> boo
 def may_be_absent(placed: EffectInstance) -> bool:
     """Return whether an effect may be absent: it has intervals of its magnitudes, and all of them include null.
 
-    Magnitudes without an interval are not asked. The interval of a pose is widened by the arm's repeatability.
+    Magnitudes without an interval do not count. The interval of a pose is widened by the arm's repeatability.
     """
     kind, wide = effect(placed.effect), allowing(placed)
     inside = []
@@ -79,14 +82,14 @@ def remove_uncertain(search: ContactSearching, state: State, n_fixed: int) -> bo
     Acceptance is based on the best value only, while the interval covers all plausible values. An effect below its
     minimum detectable size may only imitate the error of an inexact contact law (`form`).
     """
-    some = state.world.effects[n_fixed:]
-    gone = next((e for e in reversed(some) if may_be_absent(e) or too_small(e, search.least)), None)
+    added = state.world.effects[n_fixed:]
+    gone = next((e for e in reversed(added) if may_be_absent(e) or too_small(e, search.least)), None)
     if gone is None:
         return False
     small = not may_be_absent(gone)
     search.say(f"{gone.label} {'is smaller than these recordings can show' if small else 'may be absent'}")
     world = state.world.without(gone.effect, gone.where)
-    if len(some) > 1:
+    if len(added) > 1:
         (fit,) = search.reduced([world], n_fixed)  # the same fit as in `remove_unneeded`
         search.remove(state, fit, search.judge.losses([fit.world])[0])
         return True

@@ -24,11 +24,11 @@ def sparse(evidence: ContactEvidence, fit: Fit, n_fixed: int, refit: Callable[[W
     magnitudes are added to `evidence.absent`, so that later fits leave them at null.
     """
     idle = _idle(evidence, fit, n_fixed)
-    for some in (idle, idle[:1]) if idle else ():
+    for gone in (idle, idle[:1]) if idle else ():
         before = evidence.absent
-        smaller = refit(_without(evidence, fit, some))
-        more = float(smaller.residual @ smaller.residual - fit.residual @ fit.residual)
-        if more <= evidence.lasting * evidence.variance(fit.cost) * stats.chi2.isf(RULES.sparse_level, len(some)):
+        smaller = refit(_without(evidence, fit, gone))
+        rise = float(smaller.residual @ smaller.residual - fit.residual @ fit.residual)
+        if rise <= evidence.lasting * evidence.variance(fit.cost) * stats.chi2.isf(RULES.sparse_level, len(gone)):
             return sparse(evidence, smaller, n_fixed, refit)
         evidence.absent = before
     return fit
@@ -50,7 +50,7 @@ def _idle(evidence: ContactEvidence, fit: Fit, n_fixed: int) -> list[int]:
 
 
 def _without(evidence: ContactEvidence, fit: Fit, gone: Sequence[int]) -> World:
-    """Return the fit's world with some of its coordinates fixed at null."""
+    """Return the fit's world with the coordinates `gone` at null, and add them to `evidence.absent`."""
     effects = list(fit.world.effects)
     for a in (fit.space.axes[i] for i in gone):
         effects[a.index] = effects[a.index].with_values(**{a.name: a.param.null})
