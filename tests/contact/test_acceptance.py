@@ -34,7 +34,7 @@ def gain(value: float) -> World:
     return World().add(EffectInstance.of("wrench_gain", "flange", gain=value))
 
 
-def test_a_reading_that_stands_for_less_force_fits_its_own_noise_no_better():
+def test_the_noise_of_readings_leaves_the_same_residual_for_every_gain():
     """Noise read is noise told, whatever the gain."""
     item = evidence_of([recorded()]).items[0]
     n, gains = len(item.path.time), (1.0, 0.8, 1.25)
@@ -108,7 +108,7 @@ def test_every_size_of_an_effect_lies_on_one_way_from_none():
 
 
 @pytest.mark.slow
-def test_what_is_not_needed_beside_the_others_is_left_out_again():
+def test_an_effect_that_is_not_needed_given_the_others_is_removed():
     """A fixture that gives way beside a hidden friction goes out, the friction stays."""
     evidence = evidence_of([recorded((FRICTION,))])
     evidence.absent = {("fixture_compliance", name) for name in ("x", "y", "roll", "pitch")}
@@ -146,7 +146,7 @@ def test_rivals_are_equal_within_what_chance_makes_of_lasting_errors():
     assert not alike(900.0, 900.0 + 0.9 * chance, 900.0 + 1.35 * chance)
 
 
-def test_an_effect_is_judged_by_what_a_fit_leaves_where_that_is_less_than_floors_allow_for():
+def test_the_needed_gain_grows_with_the_residual_and_has_a_lower_bound():
     """Of errors as large as floors it asks what it asks at one variance; of smaller ones their share, lasting longer;
     of more its multiple; of none at all what chatter makes.
     """
@@ -199,7 +199,7 @@ def test_an_effect_may_be_absent_where_the_intervals_of_all_fitted_magnitudes_in
 
 @pytest.mark.slow
 @pytest.mark.parametrize("others", [(), (FRICTION,)])
-def test_what_may_as_well_not_be_there_is_taken_out(others):
+def test_an_effect_that_may_be_absent_is_removed(others):
     """Alone it leaves the model as it was given, beside another effect this one, fitted anew."""
     searching = ContactSearch(evidence_of([recorded((FRICTION,))]), Judge(evidence_of([recorded((FRICTION,), 2)])))
     world = World(effects=(*(spanned(e, scale=(1.6, 1.8)) for e in others), spanned(FIXTURE, z=(0.0, 6e-5))))

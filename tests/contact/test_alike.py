@@ -29,13 +29,13 @@ def test_a_rival_lacks_what_the_chosen_effect_acts_by(has, lacks):
     assert lacking(FIXTURE, grasp(**has)) == lacks
 
 
-def test_what_needs_no_motion_to_be_told_apart_lacks_nothing():
+def test_an_effect_that_is_not_confusable_lacks_no_parameter():
     assert not lacking(FIXTURE, EffectInstance.of("hole_offset", "fixture"))
     assert not lacking(FIXTURE, EffectInstance.of("fixture_compliance", "fixture"))
     assert not lacking(FIXTURE, EffectInstance.of("contact_stiffness", "peg")), "no parameter by these names"
 
 
-def test_what_a_rival_lacks_is_moved_by_fits_again_and_nothing_else():
+def test_only_the_parameters_that_a_rival_lacks_are_freed():
     idle = {("peg_grasp_compliance", k) for k in ("y", "roll", "pitch")} | {("fixture_compliance", "z")}
     evidence = Straight(np.ones(12), {})
     searching, evidence.absent = search(evidence), set(idle)
@@ -44,7 +44,7 @@ def test_what_a_rival_lacks_is_moved_by_fits_again_and_nothing_else():
     assert not free_lacking(searching, FIXTURE, grasp(x=4e-5, y=4e-5))
 
 
-def test_effects_are_alike_both_ways():
+def test_effects_are_confusable_both_ways():
     kinds = [kind.name for kind in looked_for()]
     assert confusable("fixture_compliance", "peg_grasp_compliance")
     assert all(confusable(a, b) == confusable(b, a) for a in kinds for b in kinds)

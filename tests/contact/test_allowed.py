@@ -53,7 +53,7 @@ def test_an_error_of_the_path_pushes_in_contact_and_in_free_air_as_a_hand_driven
         assert change[some] @ column[some] == pytest.approx(column[some] @ column[some], rel=0.3)
 
 
-def test_what_a_sensor_may_be_off_by_hides_no_compliance():
+def test_errors_of_a_sensor_hide_no_compliance():
     """10 um/N is 2 % of a press to the hold's springs, no more than crosstalk: what the path cannot be off by stays."""
     evidence = evidence_of([recorded((SOFT,))])
     worlds = [World(), World().add(SOFT)]
@@ -62,7 +62,7 @@ def test_what_a_sensor_may_be_off_by_hides_no_compliance():
     assert left[0] - left[1] > 0.07 * (as_read[0] - as_read[1]) > 0
 
 
-def test_each_kind_of_error_is_told_what_it_takes():
+def test_each_kind_of_error_explains_its_own_residual():
     """Each of its own usual size: of what is one kind's alone that kind takes all but a noise variance."""
     rng = stream(5, "allowed")
     columns, kinds = 30.0 * rng.standard_normal((400, 6)), np.repeat([READING, PATH, FORM], 2)
@@ -74,7 +74,7 @@ def test_each_kind_of_error_is_told_what_it_takes():
     assert max(errors.taken(rng.standard_normal(400)).values()) < 0.05
 
 
-def test_a_verdict_says_what_an_allowance_takes():
+def test_a_verdict_states_the_share_that_a_nuisance_explains():
     evidence = evidence_of([recorded((SOFT,))])
     (row,) = allowed(evidence, {"given": World()})
     assert row["model"] == "given" and all(0 <= row[kind] <= 1 for kind in KINDS)

@@ -92,7 +92,7 @@ def test_the_true_arm_is_at_the_floor_and_a_press_on_the_table_tells_it_from_the
     assert effect("fixture_compliance").told_from["arm_compliance"] == "touch-datum"
 
 
-def test_what_a_sensor_reads_of_nothing_does_not_move_the_hand(soft):
+def test_the_zero_of_a_sensor_does_not_move_the_hand(soft):
     """15 N and 1 N m of zero: constant in the flange's axes, but not in the joints' torques along a path."""
     (item,) = evidence_of([soft[0]]).items
     zero = np.repeat([15.0, 1.0], 3)

@@ -125,7 +125,7 @@ def test_a_wrench_along_a_path_never_names_it_and_without_blows_it_is_not_excite
     assert place_of(effect("contact_damping"), FOUND.scene) == "peg"
 
 
-def test_what_is_checked_and_what_is_diagnosed_go_by_one_rule():
+def test_check_and_diagnosis_give_one_reason_why_damping_is_not_excited():
     """A check says that damping is excited exactly where a diagnosis looks for it, and both give the same reason."""
     tap = tapped(1)
     unknown = replace(tap, control=replace(tap.control, mode="unknown"))

@@ -61,7 +61,7 @@ def test_the_corrected_model_ends_as_the_hidden_cell_and_with_its_peak_force(cas
     assert measured["peak_force"] == pytest.approx(corrected["peak_force"], abs=1.0), "noise of the sensor apart"
 
 
-def test_only_what_can_be_run_again_is():
+def test_only_recordings_that_can_be_replayed_are():
     """No outcome stated, or no osc: nothing; samples that are not the controller's ticks: a note, and no error."""
     rec = insertion("tilted")
     assert closed_loop([replace(rec, outcomes=())], {}) == ([], [])

@@ -183,7 +183,7 @@ def test_a_short_recording_is_screened_whole():
     assert best.gain == pytest.approx(before - after) and best.gain > 0.7 * before
 
 
-def test_what_sensors_leave_open_is_whitened_by_the_root_of_its_covariance():
+def test_nuisances_are_whitened_by_the_inverse_root_of_their_covariance():
     """`I - U diag(1 - 1/sqrt(1 + s^2)) U'` is the inverse root of `I + A A'`: whitened draws of it have variance 1."""
     rng = stream(3, "nuisance")
     columns = rng.standard_normal((60, 4)) * [0.5, 2.0, 10.0, 0.01]
@@ -192,7 +192,7 @@ def test_what_sensors_leave_open_is_whitened_by_the_root_of_its_covariance():
     np.testing.assert_allclose(root @ (np.eye(60) + columns @ columns.T) @ root, np.eye(60), atol=3e-3)
 
 
-def test_what_sensors_leave_open_in_a_part_is_that_of_the_part_alone():
+def test_nuisances_of_a_part_are_whitened_as_if_there_were_no_others():
     """The rows that are looked at are whitened by their own covariance, as if there were no others."""
     rng = stream(4, "nuisance")
     columns, rows = rng.standard_normal((60, 4)) * [0.5, 2.0, 10.0, 1.0], np.arange(60) % 3 == 0
@@ -268,7 +268,7 @@ def test_noise_of_a_slower_wrench_is_what_block_means_show(hz, stated):
     assert not excess_noise(World(), [item], [item]), "the sensor is as noisy as it was said to be"
 
 
-def test_what_sticks_is_told_a_least_friction_and_no_greatest():
+def test_friction_of_a_sticking_contact_has_a_low_end_and_a_far_high_end():
     """Peg and fixture stick from a scale of about 1.3 on: more friction changes nothing, no derivative says so."""
     evidence = evidence_of([recorded((FRICTION,))])
     start = World().add(replace(FRICTION, params={"scale": Value(1.5)}))

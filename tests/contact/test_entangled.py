@@ -24,7 +24,7 @@ def fitted(*effects: EffectInstance, n_fixed: int = 0):
     return fit
 
 
-def test_what_weighs_together_is_one_combination_and_friction_is_not_in_it():
+def test_masses_of_tool_and_part_are_one_combination_without_friction():
     """One attitude, one weight: how much of it is the tool's, and how much the part's, no press says."""
     fit = fitted(TOOL, PART, FRICTION)
     (together,) = entangled(fit, 0)
@@ -37,7 +37,7 @@ def test_what_weighs_together_is_one_combination_and_friction_is_not_in_it():
     assert separating(fit.world, [], [], [together])["motion"] == "free"
 
 
-def test_what_was_given_and_what_is_told_apart_is_not():
+def test_given_and_distinguishable_effects_are_no_combination():
     assert entangled(fitted(TOOL, FRICTION), 0) == []
     assert entangled(fitted(PART, TOOL, n_fixed=1), 1) == []
     assert judged(Verdict("identified", "both"), []).verdict == "identified"

@@ -16,7 +16,7 @@ def test_white_noise_has_no_form():
     assert form(items, noise) < RULES.form_beside * 3 * np.sqrt(2 / len(noise)) * float(noise @ noise)
 
 
-def test_what_lasts_through_a_phase_is_form_all_of_it():
+def test_a_residual_that_lasts_through_a_phase_is_an_error_of_form():
     """An offset c in one of two phases, beside noise: a share of n c^2. The step between phases is no noise."""
     items, c = [blocks(np.repeat([0, 1], 500))], 0.8
     lasting = np.zeros((1000, 6))

@@ -11,7 +11,7 @@ from vispeg.worlds.world import World
 MM = 1e-3
 
 
-def test_what_a_path_is_off_by_costs_no_less_where_the_sensor_reads_less():
+def test_an_error_of_the_path_costs_the_same_for_every_gain_of_the_sensor():
     """A fixture 1 mm too high in the model: what is left while it presses is the hold's spring, for every gain.
 
     By half a gain, a press of half the force would be left, and a weak sensor would explain any misplaced surface.

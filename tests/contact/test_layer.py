@@ -38,7 +38,7 @@ def test_a_raised_soft_contact_is_ambiguous():
         (SOFT, replace(RAISED, params={**RAISED.params, "z": Value(1e-4, -2e-4, 4e-4)})),
     ],
 )
-def test_what_no_layer_would_be_stays_identified(effects):
+def test_effects_unlike_a_layer_stay_identified(effects):
     """One of the two alone, a harder contact, a lower fixture, one beside its place, a height that may be none."""
     assert judged(FOUND, World(effects=effects), 0) is FOUND
 

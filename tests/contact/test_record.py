@@ -37,7 +37,7 @@ def test_an_error_of_contact_is_not_called_one_of_free_air():
     assert str(arrays(evidence, predicted)["worst/moment"]).endswith("press")
 
 
-def test_the_error_is_what_a_person_takes_from_the_plot():
+def test_the_error_is_the_rms_of_the_plotted_difference():
     """Plain newtons, measured less model, of all that is drawn; no allowance for a sensor's zero or a path is in it."""
     compared = compare_contact(World(), [recorded((FIXTURE,))])
     drawn = compared.arrays["0/measured"] - compared.arrays["0/before"]
@@ -47,7 +47,7 @@ def test_the_error_is_what_a_person_takes_from_the_plot():
     assert plain == pytest.approx(np.sqrt(np.mean(np.square(axes))), rel=1e-9), "and what each axis says"
 
 
-def test_the_place_of_what_is_left_is_told():
+def test_the_largest_residual_is_stated_with_its_phase_time_and_place():
     evidence = evidence_of([recorded((FIXTURE,))])
     (item,) = evidence.items
     predicted = [np.repeat(item.measured[None], 2, axis=0)]

@@ -169,7 +169,7 @@ def test_what_touches_without_wrench_and_torques_is_refused_in_one_line(pressed)
 
 @pytest.mark.parametrize("joints", [6, 7])
 @pytest.mark.parametrize("seconds", [0.3, 3.0])
-def test_what_is_left_of_torques_is_told_for_six_joints_and_for_an_episode_that_hardly_begins(joints, seconds):
+def test_steady_torque_errors_are_finite_for_six_joints_and_for_a_short_episode(joints, seconds):
     """No combination of six joints' torques is free of a wrench; an episode shorter than its rest leaves the sensor."""
     rng, n = stream(4, "steady"), round(100 * seconds)
     names = tuple(f"joint{k + 1}" for k in range(joints))

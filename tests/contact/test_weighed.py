@@ -87,13 +87,13 @@ def test_a_centre_of_the_tool_that_was_given_stays_in_the_tool_that_does_as_well
     assert centre.params["x"].value == pytest.approx(0.01, abs=3e-3)
 
 
-def test_what_a_tool_of_its_own_mass_reads_is_not_called_the_parts():
+def test_a_tool_mass_that_was_found_has_no_second_explanation():
     """The tool's mass is named by itself: no one number of the part does that."""
     search, state = named((EffectInstance.of("tool_mass", "gripper", mass=0.2),))
     assert tool_instead(search, state, 0) == ()
 
 
-def test_a_record_says_what_weighs_alike_and_how_to_tell():
+def test_a_record_names_confounded_masses_and_the_motion_that_separates_them():
     tool = EffectInstance.of("tool_mass", "gripper", mass=0.1), EffectInstance.of("tool_com", "gripper", z=0.01)
     alike = (PART, *tool)
     verdict = judged(Verdict("identified", ""), alike)
