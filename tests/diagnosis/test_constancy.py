@@ -74,7 +74,7 @@ def test_a_constant_effect_is_constant_whatever_else_is_left(items):
     assert changes(items, slight, 0, left(slight)) == [], "it hardly changes"
 
 
-def test_friction_that_falls_with_time_is_none_and_the_parts_are_those_of_least_squares(items):
+def test_friction_that_falls_with_time_is_not_constant_and_its_parts_are_those_of_least_squares(items):
     fit = fitted(items, np.exp(-ages(items) / 2.0))
     (change,) = changes(items, fit, 0, left(fit))
     assert (change.label, change.over) == ("coulomb_friction(shoulder)", "time") and change.share > 0.8
@@ -100,7 +100,7 @@ def test_the_parts_of_episodes_are_those_of_any_clock(items):
         np.testing.assert_array_equal(_times(Evidence([rec]).items), number)
 
 
-def test_what_another_joint_leaves_does_not_count(items):
+def test_the_residual_of_another_joint_does_not_count(items):
     """A friction that moves both joints explains what changes in the other one by its parts: it is constant itself."""
     jac = columns(items)
     jac[1::2, 0] = -100.0

@@ -27,7 +27,7 @@ def off(evidence: Evidence, angle: float, torque: float) -> np.ndarray:
     return np.where(item.valid, np.r_[np.full(7, angle), np.full(7, torque)], 0.0).ravel()
 
 
-def test_torques_that_say_little_do_not_bring_the_angles_nearer(evidence):
+def test_the_channel_farthest_from_its_floor_counts(evidence):
     residual = off(evidence, 12.0, 1.0)
     assert residual @ residual / evidence.count == pytest.approx(72.5)
     assert farthest(evidence, residual) == pytest.approx(144.0)
@@ -40,7 +40,7 @@ def test_coarse_encoders_raise_the_floor_of_angles_alone(evidence):
     assert farthest(evidence, off(evidence, 1.0, 3.0), floor=5.0) == pytest.approx(9.0)
 
 
-def test_the_verdict_rests_on_it_however_bad_the_nominal_model_was():
+def test_the_verdict_rests_on_the_farthest_channel_however_bad_the_nominal_model_was():
     assert decide(3000.0, 75.0, 9, [], []).verdict == "identified", "as a mean over all readings"
     verdict = decide(3000.0, 75.0, 9, [], [], farthest=149.0)
     assert verdict.verdict == "unexplained" and verdict.partial and "12 × its own noise floor" in verdict.reason

@@ -27,7 +27,7 @@ def searched(hidden: EffectInstance, taken: list[EffectInstance]) -> tuple[Searc
     return search, search.start(World("iiwa14").add(*taken), 0)
 
 
-def test_a_load_takes_the_place_of_what_the_last_links_were_given():
+def test_a_payload_replaces_effects_of_the_last_links():
     """One effect of five parameters instead of three of seven, and a smaller error."""
     links = [EffectInstance.of("link_com", f"link{k}", x=1e-3) for k in (6, 7)]
     search, state = searched(LOAD, [*links, HEAVIER])

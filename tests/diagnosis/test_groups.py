@@ -128,7 +128,7 @@ def test_slight_effects_are_those_of_the_present_model(searched):
     assert labels == {e.label for e in HIDDEN} and here.slight < labels and len(here.slight) == len(labels) - 1
 
 
-def test_what_may_be_absent_and_removes_next_to_nothing_goes_out_however_sure_its_gain_is(searched):
+def test_an_effect_that_may_be_absent_and_gains_little_is_removed_however_sure_its_gain_is(searched):
     search, state = Strict(searched[0].evidence, Sure(searched[0].judge.evidence)), searched[1]
     (fit,) = search.fits([state.world.add(EffectInstance.of("joint_bias", "elbow"))], 0)
     here = replace(state)
@@ -259,7 +259,7 @@ def test_servos_are_asked_for_in_every_joint_at_once_each_with_its_best_guess():
     assert found.gain == pytest.approx(residual @ residual - left @ left)
 
 
-def test_a_proposed_set_is_one_candidate_and_what_is_not_there_goes(recordings):
+def test_a_proposed_set_is_one_candidate_and_its_absent_effects_are_removed(recordings):
     """Values that are 10 % off and two effects too many: rollouts correct the values, and those two are not found."""
     off = [e.with_values(**{k: 1.1 * v.value for k, v in e.params.items()}) for e in HIDDEN]
     extra = [

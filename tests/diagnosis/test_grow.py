@@ -62,14 +62,14 @@ def step(placed: EffectInstance, mean: float, *out: EffectInstance):
     return Trial(Score(placed, 0.0, out=out), fit(World().add(placed)), np.zeros(0), Gain(mean, 9.0, 0.5)), []
 
 
-def test_what_effects_typically_removed_stays_where_one_is_exchanged_for_a_slightly_better_one():
+def test_an_exchange_for_a_slightly_better_effect_keeps_the_scale_of_gains():
     state = State(World(), np.zeros(0), np.zeros(0), first=1011.0, steps=[step(DRY, 1000.0)])
     assert state.scale == pytest.approx(1000.0)
     state.steps.append(step(FALLING, 0.2, DRY))
     assert state.scale == pytest.approx(1000.1) and state.removed_by(FALLING) == pytest.approx(1000.2)
 
 
-def test_what_an_effect_removed_counts_what_it_took_the_place_of():
+def test_the_gain_of_an_effect_includes_that_of_the_one_it_replaced():
     """Without end where two took turns: a step counts those before it alone."""
     state = State(World(), np.zeros(0), np.zeros(0), first=101.0)
     state.steps = [step(DRY, 60.0), step(FALLING, 30.0, DRY)]

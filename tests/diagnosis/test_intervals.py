@@ -30,7 +30,7 @@ def fit_of(world: World, jacobian: np.ndarray) -> Fit:
 
 
 @given(st.floats(0.1, 3.0), st.floats(0.01, 0.9), st.floats(1.0, 1e4))
-def test_a_value_that_left_out_null_still_does_and_is_never_surer(value, share, after):
+def test_a_widened_interval_still_excludes_null_and_is_never_narrower(value, share, after):
     for name, param, sign in (
         ("coulomb_friction", "torque", 1),
         ("joint_bias", "torque", -1),
@@ -103,7 +103,7 @@ def test_effects_that_were_not_fitted_keep_their_intervals():
     assert error(0, "torque") > 0 and widened(both, [1], error).effects[0] == world.effects[0]
 
 
-def test_nothing_to_explain_is_no_share():
+def test_without_an_error_to_explain_no_share_remains():
     assert share_left(0.9, 0.8) == 0.0 and share_left(2.0, 3.0) == 0.0 and share_left(5.0, 1.0) == 0.0
 
 

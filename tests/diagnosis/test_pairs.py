@@ -119,7 +119,7 @@ def driven() -> Search:
 STUCK = EffectInstance.of("torque_speed_limit", "hinge", stall=0.05, no_load=0.3)  # at its bound
 
 
-def test_behind_a_limit_at_its_bound_stands_what_every_arm_has(driven):
+def test_common_effects_are_preferred_to_a_limit_at_its_bound(driven):
     search = Alone(driven.evidence, driven.judge)
     search.tried = STUCK
     state = search.start(World(pendulum().source))
@@ -132,7 +132,7 @@ def test_behind_a_limit_at_its_bound_stands_what_every_arm_has(driven):
             assert found[truth.effect].params[name].value == pytest.approx(v.value, rel=0.05)
 
 
-def test_it_is_not_asked_for_where_nothing_passes_at_a_bound(driven):
+def test_common_effects_are_not_tried_where_no_candidate_passes_at_a_bound(driven):
     search = Alone(driven.evidence, driven.judge)
     search.tried = STUCK
     search.rejected = "refused"
@@ -140,7 +140,7 @@ def test_it_is_not_asked_for_where_nothing_passes_at_a_bound(driven):
     assert all("joint_bias" not in names for names in kinds)
 
 
-def test_what_every_arm_has_is_one_candidate_with_more_than_its_best_member(driven):
+def test_common_effects_are_one_candidate_that_gains_more_than_its_best_member(driven):
     state = driven.start(World(pendulum().source))
     (score,) = all_common(driven, state, driven.missing(state.world))
     alone = driven.screened_alone(

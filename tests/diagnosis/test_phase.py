@@ -37,7 +37,7 @@ def test_strokes_of_any_shape_grow_evenly():
         np.testing.assert_allclose(found[rows], wanted, atol=5e-3)
 
 
-def test_noise_turns_nothing():
+def test_noise_is_no_reversal_of_motion():
     """A joint that rests between two strokes of one direction has not turned back; one at rest has no phase."""
     dq = np.where((TIME > 1.5) & (TIME < 2.5), 0.0, np.sin(2 * np.pi * TIME / 4 + 0.0))
     dq = np.stack([np.abs(dq), 0 * dq], axis=1) + 2e-3 * 0.3 * stream(0, "noise").standard_normal((4000, 2))

@@ -45,7 +45,7 @@ def evidence(x: float = 0.003) -> BorderEvidence:
     return BorderEvidence(geometry, [item], World(), Scatter(0.0, 0.0))
 
 
-def test_what_others_do_as_well_or_one_recording_says_alone_is_no_name():
+def test_an_effect_is_doubted_if_others_explain_it_or_two_recordings_differ():
     assert Agreement(1.0, 0.1).doubt(0.2) == ""
     assert "others do all but" in Agreement(0.19, 0.0).doubt(0.2)
     assert "two recordings differ" in Agreement(0.4, 0.21).doubt(0.2)
@@ -80,7 +80,7 @@ def test_the_first_name_that_is_not_doubted_comes_first_and_says_why_the_others_
     assert [t.rejected for t in order] == ["", "x", "others do it"]
 
 
-def test_what_only_motion_makes_needs_fewer_pixels_than_what_a_look_may_make():
+def test_an_effect_that_only_motion_shows_needs_fewer_pixels():
     search = BorderSearch(evidence(), evidence())
     late, off = (EffectInstance.of(name, WRIST) for name in ("camera_delay", "camera_offset"))
     assert search.least_of(late) == RULES.moving_px < search.least_of(off) == RULES.shift_px

@@ -36,7 +36,7 @@ def test_a_longer_focal_length_and_a_nearer_camera_are_one_picture_at_one_distan
     assert between[middle].size < 1e-4 < 0.1 < between[DISTANCES[0]].size
 
 
-def test_what_cannot_be_told_apart_is_said_in_pixels_with_the_motion_that_tells():
+def test_confounded_effects_are_stated_in_pixels_with_the_motion_that_separates_them():
     maps = [
         {"camera": "w", "distance_m": 0.15, "rms_px": 0.512, "uncertainty_px": 0.04},
         {"camera": "w", "distance_m": 0.5, "rms_px": 2.0, "uncertainty_px": 0.06},

@@ -52,7 +52,7 @@ def roles(recordings, fitted: list[str], held_out: list[str]):
     return recast(world, evidence, judged), evidence, judged
 
 
-def test_what_shows_something_judges_beside_what_shows_nothing(recordings):
+def test_a_recording_that_shows_something_is_held_out_beside_one_that_shows_nothing(recordings):
     world = World(recordings["wide"].robot)
     found, evidence, judged = roles(recordings, ["wide", "wider"], ["narrow"])
     assert min(shown(evidence, world)) > RULES.loud and max(shown(judged, world)) == pytest.approx(1.0, abs=0.1)
@@ -72,7 +72,7 @@ def test_what_one_half_of_one_recording_shows_is_said_to_be_judged_nowhere(recor
     assert "once is" in found.note and "before another shows it" in found.note and found.alone == "once"
 
 
-def test_what_was_changed_in_a_recording_is_said_in_its_new_role_too(recordings):
+def test_a_note_on_a_changed_recording_is_kept_in_its_new_role(recordings):
     """The evidence in the new roles has the recording as it was changed, and does not say so again."""
     robot = load(recordings["wide"].robot)
     weak = swung(robot, "weak", 0, 0.8, EffectInstance.of("torque_limit", "shoulder", limit=8.0))

@@ -249,7 +249,7 @@ class Knowing(Search):
         """Leave the accepted effects as they are."""
 
 
-def test_what_stands_at_a_bound_goes_where_the_search_gets_further_without_it(recordings):
+def test_an_effect_at_its_bound_is_removed_where_the_search_gets_further_without_it(recordings):
     """A limit that was taken for friction: beside it the friction gains little, in its place all."""
     search = Knowing(recordings, FRICTION)
     stall = effect("torque_speed_limit").params["stall"].low
@@ -265,7 +265,7 @@ def test_what_stands_at_a_bound_goes_where_the_search_gets_further_without_it(re
     assert not remove_aliases(search, state, 0) and state.world == before, "nothing stands at a bound any more"
 
 
-def test_what_stands_at_a_bound_stays_where_nothing_better_comes_in(recordings):
+def test_an_effect_at_its_bound_stays_where_nothing_better_is_found(recordings):
     search = Knowing(recordings)
     shadow = EffectInstance.of("torque_gain", "shoulder", gain=effect("torque_gain").params["gain"].low)
     bare = World(recordings[0].robot)

@@ -100,7 +100,7 @@ def found(recordings: list) -> dict:
 
 
 @pytest.mark.slow
-def test_what_is_larger_is_found_and_what_is_smaller_is_not():
+def test_an_effect_above_the_detectable_size_is_found_and_one_below_it_is_not():
     """Recordings of an adequate model, and others with a damping of 0.4 and of 1.5 times what they say."""
     record = found(swung(seed=5))
     assert record["verdict"] == "adequate" and "not detectable up to these sizes" in sentence(record)
@@ -188,7 +188,7 @@ def damped() -> tuple[Search, State]:
     return search, search.start(world.add(EffectInstance.of("viscous_friction", "hinge", damping=0.1)), 0)
 
 
-def test_what_was_asked_beside_a_state_is_not_simulated_again(damped):
+def test_signatures_of_a_state_are_not_simulated_twice(damped):
     search, state = damped
     before = search.evidence.asked
     search.exchanges(state)

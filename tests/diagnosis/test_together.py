@@ -81,7 +81,7 @@ def test_a_fold_is_predicted_by_the_coefficients_of_the_others(toy):
     assert Dictionary(y, [toy["a"], toy["tilt"]], None).crossed([0]) == pytest.approx(dictionary.loss([0])[0])
 
 
-def test_bounds_hold_friction_cannot_push(toy):
+def test_parameters_stay_within_their_bounds(toy):
     y = -toy["friction"].columns[:, 0] + 0.5 * toy["a"].columns[:, 0]
     dictionary = Dictionary(y, [toy["friction"], toy["a"]], None)
     columns = np.column_stack([toy["friction"].columns, toy["a"].columns])
@@ -131,7 +131,7 @@ def test_several_that_hardly_overlap_come_in_at_once_and_nothing_else(toy):
     assert together(Dictionary(only, candidates, None), most=8) is None, "one effect is a candidate already"
 
 
-def test_stand_ins_are_not_named_and_what_is_certain_is(toy):
+def test_aliases_are_not_named_and_certain_effects_are(toy):
     """Biases stand in for a tilt, friction is there: by exchange the tilt takes what a bias removes."""
     y = 3.0 * toy["tilt"].columns[:, 0] + 2.0 * toy["friction"].columns[:, 0] + toy["noise"]
     model = [toy["a"], toy["b"], toy["friction"]]
@@ -177,7 +177,7 @@ def test_exchange_with_the_doubted_candidates_alone_is_that_with_all(toy):
         assert [r.label for r in a.rivals] == [r.label for r in b.rivals]
 
 
-def test_proven_rivals_make_a_class_of_what_they_shake(toy):
+def test_an_effect_is_named_together_with_its_proven_rivals(toy):
     """Of two columns that are nearly one, the effect is named with the other: one of."""
     near = toy["a"].columns[:, 0] + 1e-3 * toy["b"].columns[:, 0]
     y = toy["a"].columns[:, 0] + toy["noise"]
@@ -315,7 +315,7 @@ def test_a_load_is_taken_in_the_place_of_a_links_centre_that_is_not_much_better(
         assert {e.effect for e in proposal.members} == {taken, "coulomb_friction"}
 
 
-def test_what_goes_before_what_is_said_by_the_effects():
+def test_effects_state_which_ones_are_likelier():
     """Friction and rotor before anything else in their joint, and what an effect calls likelier; nothing else."""
     kinds = searchable()
     for a in kinds.values():
