@@ -62,9 +62,14 @@ def environment(job: Job, render_mode: str | None = None) -> Any:
         for old in _kept.values():
             old.close()
         _kept.clear()
-        how: Any = {"obs_mode": obs_mode, "render_mode": render_mode, "autoreset_mode": "Disabled", "dump": job.dump}
-        how["privileged"] = True  # for policies that are teachers; `own.Own` hides it from a user's own
-        _kept[key] = TaskVec(job.rows, world=job.world, measured=who.measured, **how, **who.task)
+        options: Any = {
+            "obs_mode": obs_mode,
+            "render_mode": render_mode,
+            "autoreset_mode": "Disabled",
+            "dump": job.dump,
+        }
+        options["privileged"] = True  # for policies that are teachers; `own.Own` hides it from a user's own
+        _kept[key] = TaskVec(job.rows, world=job.world, measured=who.measured, **options, **who.task)
     return _kept[key]
 
 
@@ -73,7 +78,8 @@ def episode(job: Job, outcome: Outcome) -> Episode:
     info = outcome.info
     forces = np.asarray(info.get("force_profile", ()), float)
     steps = max(1, outcome.steps)
-    numbers = [float(info.get(k, np.nan)) for k in ("time", "peak_force", "lateral_error", "depth", "clipped")]
+    keys = ("time", "peak_force", "lateral_error", "depth", "clipped")
+    time, peak_force, lateral_error, depth, clipped = (float(info.get(key, np.nan)) for key in keys)
     per_step = [float(part.max()) for part in np.array_split(forces, steps) if part.size]
     return Episode(
         policy=job.entrant.name,
@@ -84,11 +90,11 @@ def episode(job: Job, outcome: Outcome) -> Episode:
         seed=int(outcome.seed),
         success=bool(outcome.success),
         category=str(outcome.category),
-        time=numbers[0],
-        peak_force=numbers[1],
-        lateral_error=numbers[2],
-        depth=numbers[3],
-        clipped=numbers[4],
+        time=time,
+        peak_force=peak_force,
+        lateral_error=lateral_error,
+        depth=depth,
+        clipped=clipped,
         control=job.control,
         configuration=job.configuration,
         force_profile=tuple(per_step) if job.profile else None,

@@ -62,10 +62,10 @@ def replayed(
     size = f"{sizes[0]['rms']:.2g} N m RMS in {sizes[0]['joint']}"
     size += f", {100 * regimes[where]['share']:.0f} % of its power in {where}"
     ends = f"{100 * lost.value:.0f} points ({100 * lost.low:.0f} to {100 * lost.high:.0f})"
-    telling = matters(lost)
-    if telling is None:
+    costly = matters(lost)
+    if costly is None:
         words = f"{CANNOT_TELL} whether the unexplained torque matters: {size}, costs {ends}"
-    elif telling:
+    elif costly:
         words = f"the unexplained torque costs {ends}: {size}"
     else:
         words = f"{HARMLESS}: {size}, costs {ends}"
@@ -79,7 +79,7 @@ def replayed(
         "cost": lost.to_json(),
         "home": None if home is None else cost(*home).to_json(),
         "home_world": home_world,
-        "matters": telling,
+        "matters": costly,
         "words": words,
     }
 
@@ -104,10 +104,10 @@ def bridge(
     if not missing and remainder is not None:
         worst = max(remainder["regimes"].items(), key=lambda item: item[1]["share"])
         e = remainder["cost"]
-        said = f"{100 * (e['low'] or 0):.0f} to {100 * (e['high'] or 0):.0f} points"
+        points = f"{100 * (e['low'] or 0):.0f} to {100 * (e['high'] or 0):.0f} points"
         verdict = UNBRIDGEABLE
         share = f"{100 * worst[1]['share']:.0f} % of the unexplained torque's power is in {worst[0]}"
-        words = f"{share}, it costs {said}, and no known effect explains it"
+        words = f"{share}, it costs {points}, and no known effect explains it"
     elif remainder is not None and remainder["matters"] is False:
         verdict, words = HARMLESS, remainder["words"]
     else:

@@ -37,7 +37,7 @@ FOUND, LEFT, HOME, RANDOM = "as found", "as found, with the remainder", "home", 
 DIAGNOSIS = "diagnosis.json"
 WIDER = 2.0  # upper end of the random torque as a multiple of the remainder, so that draws lie around the remainder
 SMALL = 0.02  # share of the worst joint's torque; joints with less are not randomized
-MM = {"mm": 1.0, "m": 1e3}
+MM = {"mm": 1.0, "m": 1e3}  # mm per unit of a tolerance
 PlayJobs = Callable[[list[Job]], list[Episode]]
 
 
@@ -81,10 +81,10 @@ def signs_of(config: TaskConfig) -> Sequence[Sign]:
 
     Empty if the world does not state both.
     """
-    room, repeats = tolerance_mm(config), config.robot.repeats_mm
-    if room is None or repeats is None:
+    tolerance, repeats = tolerance_mm(config), config.robot.repeats_mm
+    if tolerance is None or repeats is None:
         return ()
-    return [s for s in outlook(room, repeats)["signs"] if s["sign"].startswith(("precision", "repeatability"))]
+    return [s for s in outlook(tolerance, repeats)["signs"] if s["sign"].startswith(("precision", "repeatability"))]
 
 
 @dataclass(frozen=True)
@@ -138,24 +138,23 @@ class Bridging:
             The four lists of episodes; the last two are empty if the training world is unknown.
         """
         changes = tuple(Change(e.effect, {k: v.value for k, v in e.params.items()}, e.where) for e in self.named)
-        at = _digest(remainder)
+        digest = _digest(remainder)
         plain = Setting(self.world, self.file.name, FOUND, changes, dict(self.task))
         (found,) = make_jobs([self.who], [plain], seeds_of(episodes, self.seed), self.folder)
-        jobs = [found, replace(found, configuration=f"{LEFT}, {at}", remainder=remainder)]
+        jobs = [found, replace(found, configuration=f"{LEFT}, {digest}", remainder=remainder)]
         home = self.home(notes)
         if home is not None:
-            wide = tuple(
-                Change("torque_noise", {"rms": {"uniform": [0.0, most]}, "time": time}, joint)
-                for joint, most, time in _at_random(remainder)
+            random = tuple(
+                Change("torque_noise", {"rms": {"uniform": [0.0, largest]}, "time": time}, joint)
+                for joint, largest, time in _at_random(remainder)
             )
-            for name, noise in ((HOME, ()), (f"{RANDOM}, {at}", wide)):
+            for name, noise in ((HOME, ()), (f"{RANDOM}, {digest}", random)):
                 setting = Setting(home, load_world(home).name, name, noise, dict(self.task))
                 jobs += make_jobs([self.who], [setting], seeds_of(episodes, self.seed), self.folder)
-        ends = play(jobs)
-        by: dict[str, list[Episode]] = {}
-        for e in ends:
-            by.setdefault(e.configuration, []).append(e)
-        return [by.get(job.configuration, []) for job in jobs] + [[] for _ in range(4 - len(jobs))]
+        by_configuration: dict[str, list[Episode]] = {}
+        for e in play(jobs):
+            by_configuration.setdefault(e.configuration, []).append(e)
+        return [by_configuration.get(job.configuration, []) for job in jobs] + [[] for _ in range(4 - len(jobs))]
 
     def home(self, notes: list[str]) -> str | None:
         """Return the policy's training world, for the scripted policy the given one; None if it is gone or changed."""
@@ -234,8 +233,8 @@ def said(
 ) -> None:
     """Add the remainder, the verdict, the cures and the next steps to a record."""
     if remainder is not None and played:
-        without, with_it, home, wide = played
-        both = (home, wide) if home and wide else None
+        without, with_it, home, home_random = played
+        both = (home, home_random) if home and home_random else None
         record["remainder"] = bridge.replayed(remainder, without, with_it, both, home_world)
     record["bridge"] = bridge.bridge(record["remainder"], diagnosis, signs_of(config))
     training, work = prices.training_of(policy, asked.prices), asked.prices
@@ -253,7 +252,7 @@ def said(
         motion=motion if isinstance(motion, dict) else None,
         commands=commands,
     )
-    doubtful = {e.label for e in named if e.partial or e.tentative} | _alike(diagnosis)
+    doubtful = {e.label for e in named if e.partial or e.tentative} | _indistinguishable(diagnosis)
     record_step = next(s for s in record["steps"] if s["step"].startswith("record"))
     for cause in record["causes"]:
         unsure = cause["effect"] in doubtful and cause["effect"] != TOGETHER
@@ -261,7 +260,7 @@ def said(
         cause["hours"] = record_step["hours"] if unsure else training.hours
 
 
-def _alike(diagnosis: Mapping[str, Any] | None) -> set[str]:
+def _indistinguishable(diagnosis: Mapping[str, Any] | None) -> set[str]:
     """Return the labels of effects that the diagnosis could not distinguish from others."""
     rows = [r for r in (diagnosis or {}).get("effects") or () if isinstance(r, dict)]
     return {f"{r.get('effect')}({r.get('where')})" for r in rows if r.get("indistinguishable_from")}

@@ -124,13 +124,21 @@ def _own(name: str, source: Any) -> Entrant:
     digest_of = digest(path) if path is not None else f"{OBJECT}{uuid.uuid4().hex}"
     if path is not None and split(source)[1] is not None:  # with another kind of actions it is another policy
         digest_of = hashlib.sha256(f"{digest_of} {action}".encode()).hexdigest()
-    kept = source if isinstance(source, str) else target
-    where, known = Path(name) if path is None else path, own.made_in(target)
-    hashes, made_of = tuple(known["world_hashes"]), known["world_parts"]
-    how: Any = {"alone": own.plays_alone(target), "measured": action not in (None, OFFSET)}
-    how["measured"] |= bool(getattr(target, "measured", False))
+    made_in = own.made_in(target)
     return Entrant(
-        name, where, mode, 0, hashes, task, digest_of, made_of, source=kept, exported=own.exported(target), **how
+        name,
+        Path(name) if path is None else path,
+        mode,
+        0,
+        tuple(made_in["world_hashes"]),
+        task,
+        digest_of,
+        made_in["world_parts"],
+        source=source if isinstance(source, str) else target,
+        alone=own.plays_alone(target),
+        # other actions than offsets are converted with the arm's readings
+        measured=action not in (None, OFFSET) or bool(getattr(target, "measured", False)),
+        exported=own.exported(target),
     )
 
 
@@ -159,8 +167,8 @@ def entrants(policies: Policies) -> list[Entrant]:
         if isinstance(policy, str | Path):
             chosen.append(entrant(f"{name}={policy}" if name else str(policy)))
         else:
-            usual = getattr(policy, "__name__", type(policy).__name__)
-            chosen.append(_own(name or (usual if usual.isidentifier() else "policy"), policy))
+            default = getattr(policy, "__name__", type(policy).__name__)  # not an identifier for a lambda
+            chosen.append(_own(name or (default if default.isidentifier() else "policy"), policy))
     earlier: dict[tuple[str, int], Entrant] = {}
     for e in chosen:
         other = earlier.setdefault((e.name, e.train_seed), e)

@@ -19,6 +19,7 @@ from vispeg.evaluation.bridge import bridge
 from vispeg.evaluation.categories import part
 from vispeg.evaluation.gap import worth_row
 from vispeg.evaluation.jobs import FIRST_SEED
+from vispeg.evaluation.measures import APART
 from vispeg.evaluation.measures import compare as compare_measures
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.schema.estimate import Interval
@@ -71,8 +72,8 @@ def summarise(
     """
     y = np.array([t.said.outcome.success for t in trials], float)
     # kind -> (trials, replays)
-    won = {kind: np.array([e.success for e in some]).reshape(len(y), -1) for kind, some in played.items()}
-    mean = {kind: each.mean(axis=1) for kind, each in won.items()}
+    won = {kind: np.array([e.success for e in ends]).reshape(len(y), -1) for kind, ends in played.items()}
+    mean = {kind: replays.mean(axis=1) for kind, replays in won.items()}
     tried = [_episode(policy, t, i) for i, t in enumerate(trials)]
     once = [replace(e, train_seed=0) for e in played[CLOSED][:: won[CLOSED].shape[1]]]  # the first replay of each trial
     kinds = part(_ends(once, "simulation"), _ends(tried, "robot"), stream(0, "categories", policy))
@@ -88,13 +89,13 @@ def summarise(
     decided = statistics.decide(tests)
     compared = [m.decided(decided["measure", m.name]) for m in measures]
     rules = _rules(trials, replayed, compared)
-    made = [_cause(name, some, mean, y, decided["cause", name]) for name, some in causes.items()]
-    made.sort(key=lambda c: (c["effect"] == TOGETHER, -(c["cost"]["value"] or 0.0)))
+    rows = [_cause(name, effects, mean, y, decided["cause", name]) for name, effects in causes.items()]
+    rows.sort(key=lambda c: (c["effect"] == TOGETHER, -(c["cost"]["value"] or 0.0)))
     exchanged = senses.ranked(parted, {name: decided[kind, name] for kind, name in tests if kind == "sense"}, repeats)
-    for cause in made:
+    for cause in rows:
         cause["points_to_it"] = _signs(causes[cause["effect"]], rules, exchanged)
     gap, failed = decided["gap", ""], y == 0
-    verdict, words = _verdict(gap, mean, failed, made)
+    verdict, words = _verdict(gap, mean, failed, rows)
     return {
         "format": FORMAT,
         "policy": policy,
@@ -109,7 +110,7 @@ def summarise(
         "categories": kinds.decided({name: decided["failures", name] for name in kinds.tests}),
         "measures": compared,
         "rules": rules,
-        "causes": made,
+        "causes": rows,
         "senses": exchanged,
         "moment": senses.moment(trials, parted, _shown(exchanged)) if parted else None,
         "worth": worth_row(y, mean[CLOSED]),
@@ -151,7 +152,7 @@ def _difference(first: np.ndarray, second: np.ndarray) -> Difference:
 
 
 def everything(causes: Collection[str]) -> str:
-    """Return the kind of replay that has all causes."""
+    """Return the kind of replay that has all causes; closed loop if there are none."""
     return TOGETHER if TOGETHER in causes else next(iter(causes), CLOSED)
 
 
@@ -163,13 +164,13 @@ def _alone(first: np.ndarray, second: np.ndarray) -> Interval:
 
 def _signs(effects: Sequence[EffectInstance], rules: Sequence[Rule], exchanged: Sequence[Sense]) -> list[str]:
     """Return, in words, the rules and senses that point to what these effects change."""
-    told = {sign for e in effects for sign in _shows(e.effect)}
+    changed = {sign for e in effects for sign in _shows(e.effect)}
     return [
-        *(f"{r['rule']} {r['value']:.3g} {r['unit']}" for r in rules if r["speaks"] and r["points_to"] in told),
+        *(f"{r['rule']} {r['value']:.3g} {r['unit']}" for r in rules if r["speaks"] and r["points_to"] in changed),
         *(
             f"{s['sense']}: the action moves by {s['moved_mm']:.1f} mm"
             for s in exchanged
-            if s["points_to"] and s["sense"] in told
+            if s["points_to"] and s["sense"] in changed
         ),
     ]
 
@@ -219,18 +220,19 @@ def _verdict(
         return CANNOT_TELL, f"these trials cannot tell: there are {n}, at least {FEWEST} are needed"
     if not count:
         return "none", f"none of {n} trials failed"
-    there, opened = _rate(mean[CLOSED][failed]), float(mean[OPEN][failed].mean())
-    rate = f"{100 * (there['value'] or 0):.0f} % ({100 * (there['low'] or 0):.0f} to {100 * (there['high'] or 0):.0f})"
-    said = f"from the starts of the {count} failures {rate} succeed in simulation"
-    if (there["high"] or 0) < 0.5:
-        return "policy", f"{said}: it is the policy"
+    closed, opened = _rate(mean[CLOSED][failed]), float(mean[OPEN][failed].mean())
+    value, low, high = (100 * (closed[key] or 0) for key in ("value", "low", "high"))
+    rate = f"{value:.0f} % ({low:.0f} to {high:.0f})"
+    words = f"from the starts of the {count} failures {rate} succeed in simulation"
+    if (closed["high"] or 0) < 0.5:
+        return "policy", f"{words}: it is the policy"
     if not gap.certain or gap.estimate.value < 0:
-        return CANNOT_TELL, f"these trials cannot tell: {said}"
-    said += ": the gap is in physics or looks"
+        return CANNOT_TELL, f"these trials cannot tell: {words}"
+    words += ": the gap is in physics or looks"
     if opened > 0.5:
-        said += f"; so do {100 * opened:.0f} % with the trials' own actions, which points to physics"
+        words += f"; so do {100 * opened:.0f} % with the trials' own actions, which points to physics"
     first = next((c for c in causes if c["verdict"] == "different" and (c["cost"]["value"] or 0) > 0), None)
-    return "gap", said if first is None else f"{said}; first cause: {first['effect']}"
+    return "gap", words if first is None else f"{words}; first cause: {first['effect']}"
 
 
 def _cause(
@@ -273,24 +275,24 @@ def _rules(trials: Sequence[Trial], replayed: Sequence[Trial], measures: Sequenc
     followed = [f for f in map(_followed, trials, replayed) if f is not None]
     rules: list[Rule] = []
     if followed:
-        apart = np.median([apart for apart, _ in followed], axis=0)  # (nj,) deg
-        worst = int(np.argmax(apart))
-        joint, late = trials[0].recording.joints[worst], float(np.median([late for _, late in followed]))
+        distance = np.median([distance for distance, _ in followed], axis=0)  # (nj,) deg
+        worst = int(np.argmax(distance))
+        joint, delay = trials[0].recording.joints[worst], float(np.median([delay for _, delay in followed]))
         rules.append(
             _rule(
                 f"distance of {joint} from where the same actions bring it in simulation",
-                float(apart[worst]),
+                float(distance[worst]),
                 TRACKING,
                 "deg",
                 "actuator",
             )
         )
-        rules.append(_rule("the arm moves later than in simulation", late, LATE, "s", "latency"))
+        rules.append(_rule("the arm moves later than in simulation", delay, LATE, "s", "latency"))
     for m in measures:
         if m["measure"] == "peak_force":
             off = abs(m["second"] - m["first"]) / max(m["first"], LIGHT)
             rules.append(
-                {**_rule("peak force differs from the simulated", off, 0.5, "of it", "contact"), "speaks": m["apart"]}
+                {**_rule("peak force differs from the simulated", off, APART, "of it", "contact"), "speaks": m["apart"]}
             )
     return rules
 
@@ -314,5 +316,5 @@ def _followed(trial: Trial, replay: Trial) -> tuple[np.ndarray, float] | None:
     )
     speed = [np.diff(q, axis=0) for q in (real, simulated)]
     residual = [float(np.nanmean((speed[0][k:] - speed[1][: n - 1 - k]) ** 2)) for k in DELAYS]
-    late = float(DELAYS[int(np.argmin(residual))]) / rate
-    return np.rad2deg(np.sqrt(np.nanmean((real - simulated) ** 2, axis=0))), late
+    delay = float(DELAYS[int(np.argmin(residual))]) / rate
+    return np.rad2deg(np.sqrt(np.nanmean((real - simulated) ** 2, axis=0))), delay

@@ -78,11 +78,11 @@ def gap(
             raise UserError("no episodes in this world", got=world, choices=table.worlds)
     joint, factors = joint_of(order, reference)
     targets, policies = order[1:], table.policies
-    home = {p: [w for w in order if table.hashes[w] and table.hashes[w] in at] for p, at in (homes or {}).items()}
+    home = {p: [w for w in order if table.hashes[w] and table.hashes[w] in own] for p, own in (homes or {}).items()}
     asked = _Asked.of(table, order, [joint, *factors] if joint else [], scripted, seed)
     decided = statistics.decide(weighed(asked.tests))
     measures = _measures(asked, decided)
-    said = [f"{row['policy']} in {row['world']}: {row['words']}" for row in measures]
+    measure_notes = [f"{row['policy']} in {row['world']}: {row['words']}" for row in measures]
     return {
         "format": FORMAT,
         "reference": reference,
@@ -103,7 +103,7 @@ def gap(
         "prediction": [row for w in targets for row in _prediction(table, decided, reference, w)],
         "categories": _partings(asked, decided),
         "measures": measures,
-        "notes": [*_notes(table, decided, order, scripted), *notes, *said],
+        "notes": [*_notes(table, decided, order, scripted), *notes, *measure_notes],
         "rule": RULE,
     }
 
@@ -196,12 +196,12 @@ def weighed(tests: Mapping[Key, Hypothesis | Difference]) -> dict[Key, Hypothesi
     Each question gets an equal share, because the number of comparisons grows with the square of the number of
     policies.
     """
-    question = {"beyond": "gap", "measure": "failures"}
-    whole: defaultdict[str, float] = defaultdict(float)
+    question = {"beyond": "gap", "measure": "failures"}  # other kinds of test are a question of their own
+    total: defaultdict[str, float] = defaultdict(float)
     for key, test in tests.items():
-        whole[question.get(key[0], key[0])] += test.weight * (test.p is not None)
+        total[question.get(key[0], key[0])] += test.weight * (test.p is not None)
     return {
-        key: replace(test, weight=test.weight / whole[question.get(key[0], key[0])] if test.p is not None else 1.0)
+        key: replace(test, weight=test.weight / total[question.get(key[0], key[0])] if test.p is not None else 1.0)
         for key, test in tests.items()
     }
 
@@ -225,6 +225,7 @@ def _policy(table: Table, policy: str, scripted: bool, home: list[str] | None) -
 
 
 def _success(table: Table, policy: str, world: str, control: str) -> list[SuccessRow]:
+    """Return the row of a policy in a world under a control; none where nothing was played."""
     cell = Cell(policy, world, control)
     rows = table.rows(cell)
     if not rows:
@@ -340,19 +341,19 @@ def _prediction(table: Table, decided: Mapping[Key, Decision], reference: str, w
         cells = [Cell(policy, reference), Cell(policy, world)]
         shared, sides = table.networks(cells), [table.rows(cell) for cell in cells]
         for t in shared:
-            x, y = (float(np.mean(list(side[t].values()))) for side in sides)
-            points.append({"policy": policy, "train_seed": t, "reference": x, "target": y})
-            networks.setdefault(policy, []).append((x, y))
+            here, there = (float(np.mean(list(side[t].values()))) for side in sides)
+            points.append({"policy": policy, "train_seed": t, "reference": here, "target": there})
+            networks.setdefault(policy, []).append((here, there))
         if shared:
             means[policy] = np.mean(networks[policy], axis=0)
             episodes[policy] = [{t: side[t] for t in shared} for side in sides]
     if len(means) < 2:
         return []
     x, y = np.array(list(means.values())).T
-    known = _noise(networks, episodes)
-    pearson = statistics.correlation(x, y, known)
-    shown, most = (
-        v if np.isfinite(v) else None for v in (statistics.measured_correlation(x, y), statistics.ceiling(x, y, known))
+    noise = _noise(networks, episodes)
+    pearson = statistics.correlation(x, y, noise)
+    measured, ceiling = (
+        v if np.isfinite(v) else None for v in (statistics.measured_correlation(x, y), statistics.ceiling(x, y, noise))
     )
     names = list(means)
     orders = [_order(decided, w, names) for w in (reference, world)]
@@ -361,12 +362,12 @@ def _prediction(table: Table, decided: Mapping[Key, Decision], reference: str, w
             "world": world,
             "n": len(means),
             "pearson": pearson.to_json(),
-            "measured": shown,
-            "ceiling": most,
+            "measured": measured,
+            "ceiling": ceiling,
             "mmrv": statistics.mmrv(y, *orders),
             "ordered": int(np.sum(orders[0] * orders[1] != 0)) // 2,
             "mean_difference": statistics.mean_interval(x - y).to_json(),
-            "words": _prediction_words(pearson, shown, most),
+            "words": _prediction_words(pearson, measured, ceiling),
             "points": points,
         }
     ]
@@ -380,10 +381,10 @@ def _noise(
     If a policy has several networks, it comes from the spread of networks within policies, pooled over policies; else
     from the episodes.
     """
-    free = sum(len(each) - 1 for each in networks.values())
-    if free:
-        apart = [np.array(each) - np.mean(each, axis=0) for each in networks.values()]
-        pooled = np.sum([d.T @ d for d in apart], axis=0) / free + 1e-9 * np.eye(2)
+    df = sum(len(each) - 1 for each in networks.values())
+    if df:
+        deviations = [np.array(each) - np.mean(each, axis=0) for each in networks.values()]
+        pooled = np.sum([d.T @ d for d in deviations], axis=0) / df + 1e-9 * np.eye(2)  # never singular
         return [pooled / len(each) for each in networks.values()]
     return [statistics.noise(*sides) for sides in episodes.values()]
 
@@ -400,13 +401,13 @@ def _order(decided: Mapping[Key, Decision], world: str, policies: Sequence[str])
     return order
 
 
-def _prediction_words(r: statistics.Estimate, shown: float | None, most: float | None) -> str:
+def _prediction_words(r: statistics.Estimate, measured: float | None, ceiling: float | None) -> str:
     if r.n < statistics.FEWEST_POLICIES:
         return f"{CANNOT_TELL}: {r.n} policies, at least {statistics.FEWEST_POLICIES} are needed"
-    said = f"r = {r.value:.2f} ({r.low:.2f} to {r.high:.2f}) over {r.n} policies"
-    if shown is not None and most is not None:
-        said += f"; of the rates as measured {shown:.2f}, of at most {most:.2f} with so many episodes"
-    return said if r.excludes(0.0) else f"{CANNOT_TELL}: {said}"
+    words = f"r = {r.value:.2f} ({r.low:.2f} to {r.high:.2f}) over {r.n} policies"
+    if measured is not None and ceiling is not None:
+        words += f"; of the rates as measured {measured:.2f}, of at most {ceiling:.2f} with so many episodes"
+    return words if r.excludes(0.0) else f"{CANNOT_TELL}: {words}"
 
 
 def _partings(asked: _Asked, decided: Mapping[Key, Decision]) -> list[PartingRow]:
@@ -437,11 +438,11 @@ def _notes(table: Table, decided: Mapping[Key, Decision], order: Sequence[str], 
             notes.append(
                 f"{policy} has {min(counts)} to {max(counts)} episodes a world; comparisons use the shared seeds"
             )
-        mine = [row for cell, by_seed in table.cells.items() if cell.policy == policy for row in by_seed.values()]
-        cut = [e.clipped for row in mine for e in row.values() if e.clipped >= 0]  # without NaN, where not counted
-        if any(cut):
+        own = [row for cell, by_network in table.cells.items() if cell.policy == policy for row in by_network.values()]
+        clipped = [e.clipped for row in own for e in row.values() if e.clipped >= 0]  # without NaN, where not counted
+        if any(clipped):
             notes.append(
-                f"{policy} asked for more than the controller takes in {np.mean(cut):.1%} of an episode's steps"
+                f"{policy} asked for more than the controller takes in {np.mean(clipped):.1%} of an episode's steps"
             )
         if policy not in scripted:
             notes += _of_networks(policy, len(_policy(table, policy, False, None)["train_seeds"]))
@@ -458,10 +459,10 @@ def _of_networks(policy: str, networks: int) -> list[str]:
     if networks >= FEWEST_NETWORKS:
         return []
     if networks == 1:
-        said = "has one training seed: seeds were not varied, so the figures are of this network, not of the recipe"
+        words = "has one training seed: seeds were not varied, so the figures are of this network, not of the recipe"
     else:
-        said = f"has {networks} training seeds: a statement on the recipe needs {FEWEST_NETWORKS} or more"
-    return [f"{policy} {said}"]
+        words = f"has {networks} training seeds: a statement on the recipe needs {FEWEST_NETWORKS} or more"
+    return [f"{policy} {words}"]
 
 
 def _of_pairing(table: Table, decided: Mapping[Key, Decision], policy: str, reference: str, world: str) -> list[str]:
@@ -473,9 +474,9 @@ def _of_pairing(table: Table, decided: Mapping[Key, Decision], policy: str, refe
         return [f"{policy}: none of training seeds {tried}, played in {world}, was played in {reference}"]
     lines, shared = [], [str(t) for t in here if t in there]
     if here != there:
-        said = "is compared over the networks played on both sides only: training seed "
-        lines.append(f"{policy} in {world} {said}" + ", ".join(shared))
+        words = "is compared over the networks played on both sides only: training seed "
+        lines.append(f"{policy} in {world} {words}" + ", ".join(shared))
     if table.hashes[world] and not decision.paired:
-        said = "did not play the same seeds, so they are compared as independent samples"
-        lines.append(f"{policy}: {reference} and {world} {said}")
+        words = "did not play the same seeds, so they are compared as independent samples"
+        lines.append(f"{policy}: {reference} and {world} {words}")
     return lines

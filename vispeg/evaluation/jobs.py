@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -39,8 +40,6 @@ class Pushes:
 
     def draw(self, seed: int) -> tuple[list[float], float, float]:
         """Return the force (3,) N, horizontal in any direction, and the push's beginning and duration, s."""
-        import math
-
         rng = stream(seed, "push")
         size, angle = rng.uniform(*self.force), rng.uniform(-math.pi, math.pi)
         return [size * math.cos(angle), size * math.sin(angle), 0.0], float(rng.uniform(*self.start)), self.duration

@@ -24,7 +24,7 @@ from vispeg.interface.terms import MEASURED
 from vispeg.render.image_kinds import RGB
 
 STATE, ACTION = "observation.state", "action"
-READ = 12  # entries of the state after the joint angles: tip, velocity, force, torque, 3 each
+FURTHER = 12  # entries of the state after the joint angles: tip, velocity, force, torque, 3 each
 WITHIN = ("pretrained_model", "last", "checkpoints", "")  # names of folders inside a training's folder
 
 
@@ -35,8 +35,8 @@ def folder_of(text: str) -> Path:
 
 def run_of(folder: Path) -> str:
     """Return the name of the training that wrote a folder: `act` of act/checkpoints/last/pretrained_model."""
-    above = (p.name for p in (folder, *folder.absolute().parents))
-    return next((n for n in above if n not in WITHIN and not n.isdecimal()), PREFIX.rstrip(":"))
+    names = (p.name for p in (folder, *folder.absolute().parents))
+    return next((n for n in names if n not in WITHIN and not n.isdecimal()), PREFIX.rstrip(":"))
 
 
 class LeRobot:
@@ -65,8 +65,8 @@ class LeRobot:
             seen = config["input_features"]
             shapes = {key: tuple(map(int, feature["shape"])) for key, feature in seen.items()}
             images = [key for key, feature in seen.items() if feature["type"] == "VISUAL"]
-            acts = config.get("output_features", {}).get(ACTION)
-            self.action_width = None if acts is None else int(np.prod(acts["shape"]))
+            action = config.get("output_features", {}).get(ACTION)
+            self.action_width = None if action is None else int(np.prod(action["shape"]))
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             what = "not a policy that LeRobot saved"
             expected = "a folder with config.json and model.safetensors, such as checkpoints/last/pretrained_model"
@@ -99,8 +99,8 @@ class LeRobot:
             UserError: the policy was trained with another state than this robot has.
         """
         state = obs[MEASURED]
-        if self.state == (state.shape[1] - READ,):
-            state = state[:, :-READ]
+        if self.state == (state.shape[1] - FURTHER,):
+            state = state[:, :-FURTHER]
         elif self.state is not None and self.state != state.shape[1:]:
             what, key = "was trained with another state than this robot has", f"input_features.{STATE}"
             raise UserError(f"{self.folder} {what}", key=key, expected=state.shape[1:], got=self.state)

@@ -86,21 +86,21 @@ def read_csv(
         if column not in REQUIRED + OPTIONAL:
             raise UserError("unknown column", file=path, got=column, choices=REQUIRED + OPTIONAL)
     episodes: dict[tuple[object, ...], Episode] = {}
-    untold: dict[str, None] = {}
+    assumed: dict[str, None] = {}  # policies whose training seed is assumed; a dict keeps their order
     for number, row in rows:
         episode = _episode(row, world, seeds_of, path, number)
         if episode.key in episodes:
             raise UserError("the same trial twice", file=path, key=f"line {number}", got=episode.key)
         episodes[episode.key] = episode
         if not _cell(row, "train_seed") and len(seeds_of.get(episode.policy, ())) > 1:
-            untold[episode.policy] = None
+            assumed[episode.policy] = None
     if not episodes:
         raise UserError("no trials", file=path, expected="one row per trial below the head")
-    others = sorted({e.configuration for e in episodes.values()} - set(configurations))
-    if configurations and others:
-        named = ", ".join(repr(o) for o in others)
+    unknown = sorted({e.configuration for e in episodes.values()} - set(configurations))
+    if configurations and unknown:
+        named = ", ".join(map(repr, unknown))
         raise UserError(f"the suite does not know the configurations {named}", file=path, choices=configurations)
-    notes = [_note(path, name, seeds_of[name]) for name in untold]
+    notes = [_note(path, name, seeds_of[name]) for name in assumed]
     return Trials(list(episodes.values()), notes)
 
 

@@ -88,4 +88,4 @@ def _words(name: str, here: float, there: float, differ: bool, apart: bool) -> s
         return f"{NAMES[name]} {here:.3g} {unit} on both sides in the median, but not alike in all"
     more = {"time": ("longer", "shorter"), "peak_force": ("higher", "lower")}[name][int(there < here)]
     said = f"{NAMES[name]} {abs(there - here):.3g} {unit} {more}, {there:.3g} instead of {here:.3g}"
-    return said + ", more than half apart: look at the contact model" * apart
+    return f"{said}, more than half apart: look at the contact model" if apart else said

@@ -105,8 +105,9 @@ def outlook(
         here = f"{tolerance_mm:g} mm, {repeatability_mm:g} mm"
         limit = "tolerance under 1 mm and repeatability over 1 mm"
         signs.append(_sign("precision against repeatability", here, limit, coarse_arm, COARSE))
-        play, room = repeatability_mm > tolerance_mm / 2, f"{tolerance_mm / 2:g} mm a side"
-        signs.append(_sign("repeatability against the room on a side", here, f"more than {room}", play, COARSE))
+        room = tolerance_mm / 2
+        limit, too_wide = f"more than {room:g} mm a side", repeatability_mm > room
+        signs.append(_sign("repeatability against the room on a side", here, limit, too_wide, COARSE))
     if demonstrations is not None:
         few = demonstrations < FEWEST_DEMONSTRATIONS
         signs.append(_sign("demonstrations needed", f"{demonstrations}", "under 1,000", few, "record on the robot"))
@@ -114,9 +115,8 @@ def outlook(
         signs.append(_sign("demonstrations a day", f"{a_day}", "500 or more", a_day >= A_DAY, "record on the robot"))
     if demonstrations is not None and a_day and build_days is not None:
         days = demonstrations / a_day
-        dear = build_days > days
-        said = f"{build_days:g} days to build, {days:.1f} to record"
-        signs.append(_sign("effort", said, "building takes longer", dear, "record on the robot"))
+        here = f"{build_days:g} days to build, {days:.1f} to record"
+        signs.append(_sign("effort", here, "building takes longer", build_days > days, "record on the robot"))
     if soft or varies or coarse_arm:
         verdict, why = NOT, "by the article's signs of a gap that cannot be bridged here"
     elif tolerance_mm is None:

@@ -56,8 +56,11 @@ def overlay(
         return world
     entries, held = [], scene_of({**world.task, **(task or {})}).held
     for change in changes:
-        places = [r.where for r in world.world.ranges if r.effect == change.effect]
-        for where in (places or ["all"]) if change.where == "*" else [held if change.where == HELD else change.where]:
+        if change.where == "*":
+            places = [r.where for r in world.world.ranges if r.effect == change.effect] or ["all"]
+        else:
+            places = [held if change.where == HELD else change.where]
+        for where in places:
             entries.append({"effect": change.effect, "where": where, "params": dict(change.params)})
     head = {"format": FORMAT, "name": name, "base": str(world.path.resolve())}
     data = {**head, "task": dict(task or {}), "effects": entries}

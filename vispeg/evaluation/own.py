@@ -81,9 +81,9 @@ def made(source: Any) -> Any:
         try:
             target = target()
         except Exception as error:  # whatever the user's code raises
-            raise UserError(f"cannot be made ({_where(error)})", got=_called(source)) from error
+            raise UserError(f"cannot be made ({_where(error)})", got=_label(source)) from error
     if not (callable(target) or callable(getattr(target, "act", None)) or callable(getattr(target, "predict", None))):
-        raise UserError("not a policy", expected=EXPECTED, got=_called(source))
+        raise UserError("not a policy", expected=EXPECTED, got=_label(source))
     return target
 
 
@@ -124,12 +124,13 @@ def acts(source: Any, target: Any) -> str | None:
     Raises:
         UserError: an unknown kind, or a kind stated for an exported policy, whose file states it.
     """
-    stated, kind = split(source)[1] if isinstance(source, str) else None, getattr(target, "action", None)
+    stated = split(source)[1] if isinstance(source, str) else None
     if isinstance(target, Exported):
         if stated is not None:
             raise UserError("is stated by the exported policy itself", file=target.path, key="action", got=stated)
         return OFFSET  # it turns its actions into offsets by itself
-    kind = stated if stated is not None or not isinstance(kind, str) else kind
+    attribute = getattr(target, "action", None)
+    kind = attribute if stated is None and isinstance(attribute, str) else stated
     return None if kind is None else checked(kind, origin(source))
 
 
@@ -179,6 +180,7 @@ def exported(target: Any) -> str:
 
 
 def _of_space(space: Mapping[str, Any], name: str) -> tuple[str, dict[str, Any]]:
+    """Return what `observes` does, from the observation space of a policy by Stable-Baselines3."""
     if PRIVILEGED in space:
         what = f"{name} reads '{PRIVILEGED}', the ground truth, which no robot has"
         raise UserError(what, expected="one trained in an environment with privileged=False")
@@ -187,6 +189,7 @@ def _of_space(space: Mapping[str, Any], name: str) -> tuple[str, dict[str, Any]]
     if None in kinds:
         others = [key for key in shapes if key != POLICY and kind_of(key) is None]
         raise UserError(f"{name} observes what no environment shows", got=others[0], choices=[POLICY, "depth_CAMERA"])
+    # several modes have no images: of these, `state`
     mode = next((m for m, seen in MODES.items() if set(seen) == kinds and (seen or m == "state")), "state")
     task: dict[str, Any] = {}
     if kinds:
@@ -243,10 +246,10 @@ class Own:
             actions = np.empty(0, np.float32)
         if n == 1 and actions.ndim == 1:
             actions = actions[None]
-        right = actions.ndim == 2 and len(actions) == n and actions.shape[-1] in widths
-        if not right or not np.isfinite(actions).all():
+        fits = actions.ndim == 2 and len(actions) == n and actions.shape[-1] in widths
+        if not fits or not np.isfinite(actions).all():
             shapes, each = " or ".join(f"({n}, {k})" for k in widths), f"an action for each of {n} episodes"
-            got = "numbers that are not finite" if right else np.shape(out)
+            got = "numbers that are not finite" if fits else np.shape(out)
             raise UserError(
                 f"{self.name} gives no actions", expected=f"finite numbers of shape {shapes}: {each}", got=got
             )
@@ -299,5 +302,6 @@ def _where(error: Exception) -> str:
     return f"{type(error).__name__}: {text}{place}"
 
 
-def _called(source: Any) -> str:
+def _label(source: Any) -> str:
+    """Return the text that names a policy, or the name of an object or its class, for errors."""
     return source if isinstance(source, str) else getattr(source, "__name__", type(source).__name__)

@@ -36,9 +36,9 @@ def own_player(who: Entrant, config: TaskConfig) -> own.Own:
     """
     target, task = own.made(who.source), task_of(config)
     scene, kind = task.cell(config), own.acts(who.source, target)
-    arm, at = scene.nominal, own.origin(who.source)
-    told: Any = {"names": target.action_names, "width": target.action_width} if isinstance(target, LeRobot) else {}
-    actions = Actions(kind, config, chain_of(arm), scene.tip, arm.joints, **told, source=at)
+    arm, file = scene.nominal, own.origin(who.source)
+    stated: Any = {"names": target.action_names, "width": target.action_width} if isinstance(target, LeRobot) else {}
+    actions = Actions(kind, config, chain_of(arm), scene.tip, arm.joints, **stated, source=file)
     if actions.kind != OFFSET and type(task).command is not Task.command:
         what = f"{who.name}: the task {config.name} has actions of its own"
         raise UserError(what, key="action", expected=OFFSET, got=actions.kind)

@@ -19,7 +19,7 @@ from vispeg.evaluation.schema.estimate import Interval
 from vispeg.evaluation.schema.explain import Step
 
 HOUR, MINUTE = 3600.0, 60.0
-TWICE = 2  # recordings: one to fit, one to judge on
+RECORDINGS = 2  # recordings: one to fit, one to judge on
 
 
 @dataclass(frozen=True)
@@ -98,17 +98,17 @@ def steps(
     """
     seconds = float((motion or {}).get("duration_s") or trial_s)
     name = str((motion or {}).get("motion") or "a motion in free air")
-    hours = TWICE * (prices.minutes_per_recording * MINUTE + seconds) / HOUR
-    said = f"{TWICE} recordings of {seconds:.0f} s, {prices.minutes_per_recording:g} min of setup each (stated)"
-    made = [_step(f"record {name}, diagnose", left, hours, said, commands.get("record", ""))]
-    each = max(prices.minutes_per_demonstration, trial_s / MINUTE)
-    work, said = prices.demonstrations * each / MINUTE, f"{prices.demonstrations} of {each:.2g} min (stated)"
+    hours = RECORDINGS * (prices.minutes_per_recording * MINUTE + seconds) / HOUR
+    source = f"{RECORDINGS} recordings of {seconds:.0f} s, {prices.minutes_per_recording:g} min of setup each (stated)"
+    made = [_step(f"record {name}, diagnose", left, hours, source, commands.get("record", ""))]
+    each = max(prices.minutes_per_demonstration, trial_s / MINUTE)  # min
+    hours, source = prices.demonstrations * each / MINUTE, f"{prices.demonstrations} of {each:.2g} min (stated)"
     if training.hours is None:
-        said += "; training not counted, its time is not known"
+        source += "; training not counted, its time is not known"
     else:
-        work, said = work + training.hours, f"{said}; {training.source}"
+        hours, source = hours + training.hours, f"{source}; {training.source}"
     step = f"{prices.demonstrations} demonstrations on the robot, fine-tune"
-    made.append(_step(step, gap, work, said, commands.get("demonstrations", "")))
+    made.append(_step(step, gap, hours, source, commands.get("demonstrations", "")))
     for kind, lost, step in (
         ("causes", causes, "fine-tune in a world with the causes"),
         ("remainder", remainder, "train with as much random torque as is unexplained"),
@@ -119,13 +119,13 @@ def steps(
 
 
 def _step(step: str, gain: Interval, hours: float | None, source: str, command: str) -> Step:
-    most = max(gain["value"] or 0.0, 0.0)
+    points = max(gain["value"] or 0.0, 0.0)
     return {
         "step": step,
         "gain": gain,
         "hours": hours,
         "hours_from": source,
-        "an_hour": None if hours is None else most / hours,
+        "an_hour": None if hours is None else points / hours,
         "command": command,
     }
 

@@ -33,6 +33,7 @@ from vispeg.sim.touch import touch
 from vispeg.worlds.world import World
 
 SHORTEST = 0.1  # s, shortest block: correlation in less time is due to the filter of the motion, not to a disturbance
+PERIOD = 0.02  # s, between rows of missing torque, which is below 8 Hz
 BLOCKS = 2  # recordings shorter than this many blocks are resampled only if none is longer
 CONTROLLED = ("osc", "position", "torque")  # control modes with a known commanded torque
 
@@ -77,12 +78,12 @@ def missing_of(rec: Recording, world: World) -> Missing | None:
         jac = nominal_of(robot, len(rec.time)).operational(np.nan_to_num(rec.q))[1]
         tau = tau + np.einsum("nij,ni->nj", jac, np.nan_to_num(felt.contact))
         touching = felt.touching
-    low = smooth(rec.time, tau, MOTION_HZ)[0]  # filtered as the motion is
-    evidence = TorqueEvidence([replace(rec, tau=low, torque_sensor="motor", ft=None, wrench=None)])
+    smoothed = smooth(rec.time, tau, MOTION_HZ)[0]  # filtered as the motion is
+    evidence = TorqueEvidence([replace(rec, tau=smoothed, torque_sensor="motor", ft=None, wrench=None)])
     item, (least, most) = evidence.items[0], evidence.torque_range(0, links)
     valid = item.valid.all(axis=1)
-    rest = (np.clip(item.measured, least, most) - item.measured)[valid]
-    return Missing(rec.name, item.segment.time[valid], rest, touching[item.segment.rows][valid])
+    missing = (np.clip(item.measured, least, most) - item.measured)[valid]  # needed minus known
+    return Missing(rec.name, item.segment.time[valid], missing, touching[item.segment.rows][valid])
 
 
 def _commanded(rec: Recording) -> np.ndarray:
@@ -156,18 +157,17 @@ class Remainder:
         Returns:
             The remainder; None if `missing` is empty.
         """
-        period = 0.02
-        whole = [(m, _even(m, period)) for m in missing]
-        if not whole:
+        if not missing:
             return None
-        block = max(SHORTEST, 2 * time_constant([rows for _, (rows, _) in whole], period))
-        kept = [(m, rows, on) for m, (rows, on) in whole if len(rows) * period >= BLOCKS * block]
-        kept = kept or [(m, rows, on) for m, (rows, on) in whole]
+        even = [(m.name, *_even(m, PERIOD)) for m in missing]
+        block = max(SHORTEST, 2 * time_constant([rows for _, rows, _ in even], PERIOD))
+        kept = [(name, rows, touching) for name, rows, touching in even if len(rows) * PERIOD >= BLOCKS * block] or even
         square = np.mean(np.concatenate([rows for _, rows, _ in kept]) ** 2, axis=0)
-        least = np.mean(np.concatenate([m.torque for m in floor]) ** 2, axis=0) if floor else np.zeros(len(joints))
-        share = np.sqrt(np.maximum(1 - least / np.maximum(square, 1e-12), 0.0))
-        pieces = tuple(rows * share for _, rows, _ in kept)
-        return cls(joints, pieces, period, block, tick, tuple(m.name for m, _, _ in kept), tuple(on for *_, on in kept))
+        error = np.mean(np.concatenate([m.torque for m in floor]) ** 2, axis=0) if floor else np.zeros(len(joints))
+        scale = np.sqrt(np.maximum(1 - error / np.maximum(square, 1e-12), 0.0))
+        pieces = tuple(rows * scale for _, rows, _ in kept)
+        names, touching = tuple(name for name, _, _ in kept), tuple(touching for _, _, touching in kept)
+        return cls(joints, pieces, PERIOD, block, tick, names, touching)
 
     @property
     def rms(self) -> np.ndarray:

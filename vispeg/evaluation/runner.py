@@ -58,7 +58,7 @@ def run(
             job raises.
     """
     path = out / EPISODES
-    names = _same_run(jobs, out)
+    names = _names_of_run(jobs, out)
     have = {e.key: e for e in read(path)} if path.exists() else {}
     total = sum(len(job.seeds) for job in jobs)
     todo = []
@@ -115,13 +115,13 @@ def _sendable(who: Entrant, expected: str) -> None:
         raise UserError(what, expected=expected, got=str(error)[:100]) from error
 
 
-def _same_run(jobs: Sequence[Job], out: Path) -> str:
+def _names_of_run(jobs: Sequence[Job], out: Path) -> str:
     """Return the content of run.json, the hashes behind the names of policies and worlds, and of the looks' images.
 
     Raises:
         UserError: a name stands for two hashes, in these jobs or in the folder and in these jobs.
     """
-    now = _none()
+    now = _no_names()
     for j in jobs:
         policy = f"{j.entrant.name}/s{j.entrant.train_seed}"
         world = "/".join(filter(None, (j.world_name, j.configuration, j.control)))
@@ -129,15 +129,15 @@ def _same_run(jobs: Sequence[Job], out: Path) -> str:
             if now[kind].setdefault(name, value) != value:
                 raise UserError("two of one name; play them in runs of their own", key=kind, got=name)
     now["images"] = _images(jobs)
-    return text_of(_joined(_in(out), now, "when this folder was begun; name another folder", out))
+    return text_of(_merged(_stored_names(out), now, "when this folder was begun; name another folder", out))
 
 
-def _none() -> Names:
+def _no_names() -> Names:
     return {"policies": {}, "worlds": {}, "images": {}}
 
 
 def _images(jobs: Sequence[Job]) -> dict[str, str]:
-    """Return by world the digest of the images from which its looks draw, as far as a policy sees them."""
+    """Return world -> digest of the images from which its looks draw, for worlds in which a policy sees images."""
     out = {}
     for world, name in {(j.world, j.world_name) for j in jobs if has_eyes(j.entrant)}:
         file = load_world(world)
@@ -146,8 +146,8 @@ def _images(jobs: Sequence[Job]) -> dict[str, str]:
     return out
 
 
-def _joined(names: Names, more: Names, when: str, file: Path) -> Names:
-    """Return both.
+def _merged(names: Names, more: Names, when: str, file: Path) -> Names:
+    """Return `names` with those of `more` added.
 
     Raises:
         UserError: a name of `more` stands for another hash in `names`; it names `file` and says `when`.
@@ -162,8 +162,9 @@ def _joined(names: Names, more: Names, when: str, file: Path) -> Names:
     return out
 
 
-def _in(folder: Path) -> Names:
-    return read_names(folder / RUN) if (folder / RUN).exists() else _none()
+def _stored_names(folder: Path) -> Names:
+    """Return the names in a folder's run.json; none without one."""
+    return read_names(folder / RUN) if (folder / RUN).exists() else _no_names()
 
 
 def text_of(names: Names) -> str:
@@ -185,7 +186,7 @@ def read_names(path: Path) -> Names:
     """
     data = read_json(path)
     tables: dict[str, Any] = {}
-    for kind in _none():
+    for kind in _no_names():
         names = tables[kind] = data.get(kind, {}) if isinstance(data, dict) else None
         if not isinstance(names, dict) or not all(isinstance(value, str) for value in names.values()):
             raise UserError("is not the record of a run", file=path, key=kind, expected="names and hashes", got=names)
@@ -194,15 +195,15 @@ def read_names(path: Path) -> Names:
 
 def failures(episodes: Iterable[Episode], most: int) -> list[Episode]:
     """Return up to `most` failures, one of each category in turn, so that rare categories are included."""
-    by: dict[str, list[Any]] = {}
+    by_category: dict[str, list[Episode]] = {}
     for e in episodes:
         if not e.success:
-            by.setdefault(e.category, []).append(e)
+            by_category.setdefault(e.category, []).append(e)
     chosen: list[Episode] = []
-    while len(chosen) < most and any(by.values()):
-        for kind in list(by):
-            if by[kind] and len(chosen) < most:
-                chosen.append(by[kind].pop(0))
+    while len(chosen) < most and any(by_category.values()):
+        for left in by_category.values():
+            if left and len(chosen) < most:
+                chosen.append(left.pop(0))
     return chosen
 
 
@@ -229,7 +230,7 @@ def check_stored(jobs: Sequence[Job], stored: Iterable[Episode], files: Sequence
             )
     images = _images(jobs) if files else {}
     for file in files:
-        for name, digest in _in(Path(file).parent)["images"].items():
+        for name, digest in _stored_names(Path(file).parent)["images"].items():
             if images.get(name, digest) != digest:
                 what = f"the records are from other images for the looks of {name}"
                 raise UserError(what, file=file, expected=images[name][:12], got=digest[:12])
@@ -248,7 +249,7 @@ def take_in(stored: Iterable[Episode], names: Names, out: Path) -> None:
         UserError: the folder has other hashes for these names.
     """
     path = out / EPISODES
-    both = _joined(_in(out), names, "when this folder was begun; name another folder", out)
+    both = _merged(_stored_names(out), names, "when this folder was begun; name another folder", out)
     have = {e.key for e in read(path)} if path.exists() else set()
     append(path, [e for e in stored if e.key not in have])
     write_text_atomic(out / RUN, text_of(both), overwrite=True)
@@ -256,7 +257,7 @@ def take_in(stored: Iterable[Episode], names: Names, out: Path) -> None:
 
 def made_with(file: Path) -> Mapping[str, str]:
     """Return the digests of the policies that played a file of episodes, NAME/sSEED -> digest; empty if not known."""
-    return _in(Path(file).parent)["policies"]
+    return _stored_names(Path(file).parent)["policies"]
 
 
 def names_of(*files: Path) -> Names:
@@ -265,9 +266,9 @@ def names_of(*files: Path) -> Names:
     Raises:
         UserError: a name stands for two hashes, or the run.json beside a file is not one.
     """
-    out = _none()
+    out = _no_names()
     for file in files:
-        names = _in(Path(file).parent)
+        names = _stored_names(Path(file).parent)
         known = {name: value for name, value in names["policies"].items() if not value.startswith(OBJECT)}
-        out = _joined(out, {**names, "policies": known}, "in the files before; play it under a name of its own", file)
+        out = _merged(out, {**names, "policies": known}, "in the files before; play it under a name of its own", file)
     return out

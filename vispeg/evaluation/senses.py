@@ -68,11 +68,11 @@ def look(job: Look) -> tuple[tuple[int, int], list[Images]]:
     env, (seed,) = environment(job), job.seeds
     taken: list[Images] = []
     for first in range(0, len(job.places), env.num_envs):
-        some = job.places[first : first + env.num_envs]
-        starts = [*some, *[some[-1]] * (env.num_envs - len(some))]
+        block = job.places[first : first + env.num_envs]
+        starts = [*block, *[block[-1]] * (env.num_envs - len(block))]  # rows without a place repeat the last one
         seen, _ = env.reset(seed=[seed] * env.num_envs, options={"start": starts})
         pictures = {key: value for key, value in seen.items() if kind_of(key) is not None}
-        taken += [{key: value[[row]].copy() for key, value in pictures.items()} for row in range(len(some))]
+        taken += [{key: value[[row]].copy() for key, value in pictures.items()} for row in range(len(block))]
     return job.number, taken
 
 
@@ -95,8 +95,8 @@ def seen(trial: Trial, interface: Interface) -> list[Images]:
         for frame in trial.recording.frames or ():
             if abs(frame.time - time) < AT_TIME:
                 c = frame.camera
-                lens = Camera(c.name, c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion)
-                pictures[c.name] = Picture(frame.rgb, frame.depth, lens)
+                camera = Camera(c.name, c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion)
+                pictures[c.name] = Picture(frame.rgb, frame.depth, camera)
         out.append(images(interface, pictures))
     return out
 
@@ -105,8 +105,8 @@ def before_contact(recording: Recording) -> int:
     """Return the number of samples before contact (TOUCH, HELD); all samples where there is no contact or no wrench."""
     if recording.ft is None:
         return len(recording.time)
-    force = np.linalg.norm(recording.ft[:, :3] - recording.ft[0, :3], axis=1) > TOUCH
-    held = np.convolve(force, np.ones(HELD), "valid") >= HELD
+    pressed = np.linalg.norm(recording.ft[:, :3] - recording.ft[0, :3], axis=1) > TOUCH
+    held = np.convolve(pressed, np.ones(HELD), "valid") >= HELD
     return int(np.argmax(held)) if held.any() else len(recording.time)
 
 
@@ -143,33 +143,36 @@ def part(
     n = min(len(trial.steps.time), *(len(r.steps.time) for r in replays))
     free = np.arange(n) < min(_free(t) for t in (trial, *replays))
     compared = {PICTURES: np.ones(n, bool), ARM: free, WRENCH: free, CONTACT: ~free}
-    drawn = [[_stored(each, trial) for each in some] for some in drawn]
+    drawn = [[_stored(images_of_step, trial) for images_of_step in draw] for draw in drawn]
     pictures = seen(trial, interface) if interface.images else [{}] * n
     columns = {sense: _columns(interface, names) for sense, names in TERMS.items()}
-    columns = {sense: some for sense, some in columns.items() if len(some)}
+    columns = {sense: indices for sense, indices in columns.items() if len(indices)}  # those that the policy has
     senses = [*([PICTURES] if interface.images else []), *columns]
     rows = [(sense, draw) for sense in senses for draw in range(len(replays))]
-    policy.reset(1 + len(rows))
+    policy.reset(1 + len(rows))  # row 0 has all of the robot's senses
     actions = []
     for step in range(n):
-        told = np.repeat(trial.steps.seen[[step]], 1 + len(rows), axis=0).astype(np.float32)
-        shown = [pictures[step]] * (1 + len(rows))
+        vectors = np.repeat(trial.steps.seen[[step]], 1 + len(rows), axis=0).astype(np.float32)
+        taken = [pictures[step]] * (1 + len(rows))
         for row, (sense, draw) in enumerate(rows, 1):
             if sense == PICTURES:
-                shown[row] = drawn[draw][step]
+                taken[row] = drawn[draw][step]
             else:
-                told[row, columns[sense]] = replays[draw].steps.seen[step, columns[sense]]
-        stacked = {key: np.concatenate([each[key] for each in shown]) for key in interface.images}
-        actions.append(policy.act({POLICY: told, **stacked}))
+                vectors[row, columns[sense]] = replays[draw].steps.seen[step, columns[sense]]
+        stacked = {key: np.concatenate([images_of_row[key] for images_of_row in taken]) for key in interface.images}
+        actions.append(policy.act({POLICY: vectors, **stacked}))
     moves = [i for i, d in enumerate(interface.dof) if not d.startswith("r")]
     asked = interface.offset_m * np.stack(actions)[:, :, moves].astype(float)  # (steps, rows, k)
-    of = {key: np.where(compared[key[0]][:, None], asked[:, row], np.nan) for row, key in enumerate(rows, 1)}
-    robot, away = asked[:, 0], {}
+    offsets = {  # (sense, draw) -> (steps, k) m
+        (sense, draw): np.where(compared[sense][:, None], asked[:, row], np.nan)
+        for row, (sense, draw) in enumerate(rows, 1)
+    }
+    robot, moved = asked[:, 0], {}
     for sense in senses:
-        each = [np.linalg.norm(of[sense, draw] - robot, axis=1) for draw in range(len(replays))]
-        away[sense] = np.mean(each, axis=0)
-    among = {sense: np.linalg.norm(of[sense, 0] - of[sense, 1], axis=1) for sense in senses}
-    return Parting(away, among, robot, {sense: of[sense, 0] for sense in senses})
+        distances = [np.linalg.norm(offsets[sense, draw] - robot, axis=1) for draw in range(len(replays))]
+        moved[sense] = np.mean(distances, axis=0)
+    among = {sense: np.linalg.norm(offsets[sense, 0] - offsets[sense, 1], axis=1) for sense in senses}
+    return Parting(moved, among, robot, {sense: offsets[sense, 0] for sense in senses})
 
 
 def _free(trial: Trial) -> int:
@@ -192,10 +195,10 @@ def _stored(pictures: Images, trial: Trial) -> Images:
 
 def _columns(interface: Interface, names: Sequence[str]) -> np.ndarray:
     """Return the indices of terms in a policy's vector, in all observations of its stack."""
-    ends = np.cumsum([told.size for told in interface.told])
-    told = [range(end - t.size, end) for t, end in zip(interface.told, ends, strict=True) if t.name in names]
-    one = np.array([i for some in told for i in some], int)
-    return np.concatenate([one + k * ends[-1] for k in range(interface.stack)])
+    ends = np.cumsum([term.size for term in interface.told])
+    spans = [range(end - t.size, end) for t, end in zip(interface.told, ends, strict=True) if t.name in names]
+    newest = np.array([i for span in spans for i in span], int)
+    return np.concatenate([newest + k * ends[-1] for k in range(interface.stack)])
 
 
 def tests(parted: Sequence[Parting]) -> dict[str, Difference]:
@@ -204,7 +207,7 @@ def tests(parted: Sequence[Parting]) -> dict[str, Difference]:
     The measure is the distance of actions; the trial is the unit.
     """
     excess = {sense: _excess(parted, sense) for sense in parted[0].moved}
-    return {sense: _more(each) for sense, each in excess.items() if len(each)}
+    return {sense: _by_t(trials) for sense, trials in excess.items() if len(trials)}
 
 
 def _excess(parted: Sequence[Parting], sense: str) -> np.ndarray:
@@ -213,7 +216,8 @@ def _excess(parted: Sequence[Parting], sense: str) -> np.ndarray:
     return 1e3 * np.array([np.nanmean(x) for x in each if np.isfinite(x).any()])
 
 
-def _more(excess: np.ndarray) -> Difference:
+def _by_t(excess: np.ndarray) -> Difference:
+    """Test by t whether the mean excess (n,) mm is 0; without spread, p is 1 at 0 and else None."""
     value = float(excess.mean())
     if len(excess) < 2 or np.ptp(excess) == 0:
         return Difference(1.0 if value == 0 else None, value, lambda alpha: (value, value), len(excess))
@@ -263,10 +267,10 @@ def moment(trials: Sequence[Trial], parted: Sequence[Parting], sense: str) -> Mo
     """Return the step at which a sense moves the action farthest beyond the draws, in a failed trial if any failed."""
     failed = [i for i, t in enumerate(trials) if not t.said.outcome.success]
     excess = {i: p.moved[sense] - p.among[sense] for i, p in enumerate(parted)}
-    best = {i: x for i, x in excess.items() if np.isfinite(x).any()}
-    shown = [i for i in failed if i in best] or list(best)
-    number = max(shown, key=lambda i: float(np.nanmax(best[i])))
-    step, p, trial = int(np.nanargmax(best[number])), parted[number], trials[number]
+    compared = {i: x for i, x in excess.items() if np.isfinite(x).any()}
+    candidates = [i for i in failed if i in compared] or list(compared)
+    number = max(candidates, key=lambda i: float(np.nanmax(compared[i])))
+    step, p, trial = int(np.nanargmax(compared[number])), parted[number], trials[number]
     return {
         "number": number,
         "trial": "" if trial.path is None else trial.path.name,

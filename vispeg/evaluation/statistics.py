@@ -127,18 +127,18 @@ def rate(rows: Rows) -> Estimate:
     Raises:
         UserError: no episodes.
     """
-    sides = [np.array(list(row.values()), float) for row in rows.values() if row]
-    if not sides:
+    networks = [np.array(list(row.values()), float) for row in rows.values() if row]
+    if not networks:
         raise UserError("no episodes")
-    n, most = sum(map(len, sides)), max(map(len, sides))
-    if len(sides) == 1:
-        return wilson(round(float(sides[0].sum())), n)
-    side = _side(rows, _shared(rows) if min(map(len, sides)) == most else [])
+    n, most = sum(map(len, networks)), max(map(len, networks))
+    if len(networks) == 1:
+        return wilson(round(float(networks[0].sum())), n)
+    side = _side(rows, _shared(rows) if min(map(len, networks)) == most else [])
     moments = _moments([side], paired=True)
     p = moments.value
     if p in (0.0, 1.0):
         return replace(wilson(round(p * most), most), n=n)
-    quantile = moments.half(ALPHA) / math.sqrt(moments.variance)
+    quantile = moments.half(ALPHA) / math.sqrt(moments.variance)  # one t quantile for both parts of the variance
     effective = max(p * (1 - p) / moments.variance, 1.0)
     middle = (p + quantile**2 / (2 * effective)) / (1 + quantile**2 / effective)
     half = quantile / (1 + quantile**2 / effective)
@@ -223,12 +223,11 @@ def difference(
         common = [t for t in first if t in second]
         first, second = ({t: side[t] for t in common} for side in (first, second))
     if not first or not second:
-        nothing = "no network was played on both sides" if same_networks else "no episodes"
-        return Difference(None, math.nan, lambda alpha: (-1.0, 1.0), 0, 0, False, None, nothing)
-    both = _shared({(side, t): row for side, rows in enumerate((first, second)) for t, row in rows.items()})
-    own = [_shared(rows) for rows in (first, second)]
-    sides = [_side(rows, both or mine) for rows, mine in zip((first, second), own, strict=True)]
-    return _compared(sides[0], sides[1], same_networks, bool(both), trained, each)
+        refused = "no network was played on both sides" if same_networks else "no episodes"
+        return Difference(None, math.nan, lambda alpha: (-1.0, 1.0), 0, 0, False, None, refused)
+    shared = _shared({(side, t): row for side, rows in enumerate((first, second)) for t, row in rows.items()})
+    sides = [_side(rows, shared or _shared(rows)) for rows in (first, second)]
+    return _compared(sides[0], sides[1], same_networks, bool(shared), trained, each)
 
 
 def contrast(*blocks: np.ndarray) -> Difference:
@@ -281,23 +280,30 @@ def _side(rows: Rows, episodes: Sequence[Hashable]) -> _Side:
 def _compared(
     first: _Side, second: _Side, same: bool, paired: bool, trained: tuple[bool, bool], each: int
 ) -> Difference:
+    """Compare two sides by an exact test if each has one network with outcomes 0 or 1, else by a t test.
+
+    Args:
+        first, second: the sides.
+        same: whether row i is the same network on both sides.
+        paired: whether both sides played the same episodes.
+        trained, each: as in `difference`.
+    """
     counts = [len(first.rows), len(second.rows)]
     n = min(sum(map(len, side.rows)) if not side.crossed else len(side.rows[0]) for side in (first, second))
     if counts == [1, 1]:
         values = np.concatenate([first.rows[0], second.rows[0]])
         if np.isin(values, (0.0, 1.0)).all():
-            return (_pairs if paired else _independent)(first.rows[0] > 0.5, second.rows[0] > 0.5)
-    several = [k for k, varies in zip(counts, trained, strict=True) if varies or k > 1]
-    if not same and min(several, default=1) == 1 < max(several, default=1):
-        said = f"{counts[0]} and {counts[1]} training seeds"
-        refused = f"{said}, of a recipe {FEWEST_NETWORKS} or more are needed"
+            return (_by_mcnemar if paired else _by_fisher)(first.rows[0] > 0.5, second.rows[0] > 0.5)
+    sampled = [k for k, varies in zip(counts, trained, strict=True) if varies or k > 1]  # sides that sample a recipe
+    if not same and min(sampled, default=1) == 1 < max(sampled, default=1):  # one network against several
+        refused = f"{counts[0]} and {counts[1]} training seeds, of a recipe {FEWEST_NETWORKS} or more are needed"
         value = float(first.means.mean() - second.means.mean())
-        return Difference(None, value, lambda alpha: (-1.0, 1.0), n, min(several), paired, None, refused)
+        return Difference(None, value, lambda alpha: (-1.0, 1.0), n, min(sampled), paired, None, refused)
     if paired and same:
         blocks = [_Side([a - b for a, b in zip(first.rows, second.rows, strict=True)], True)]
     else:
         blocks = [first, -second]
-    return _by_t(blocks, paired, min(several, default=1), n, same and not paired, each)
+    return _by_t(blocks, paired, min(sampled, default=1), n, same and not paired, each)
 
 
 def _by_t(
@@ -309,7 +315,13 @@ def _by_t(
     each: int = 1,
     limit: float = 1.0,
 ) -> Difference:
-    """Return the t test of whether the sum of the blocks' means is 0; limit is the largest possible absolute value."""
+    """Test by t whether the sum of the blocks' means is 0.
+
+    Args:
+        blocks, same_networks, each: as in `_moments`.
+        paired, networks, n: as in `Difference`.
+        limit: largest possible absolute value of the sum.
+    """
     moments = _moments(blocks, paired, same_networks, each)
     value = moments.value
 
@@ -339,8 +351,8 @@ def fall(configurations: Sequence[tuple[Rows, Rows]]) -> Difference:
         return difference(*sides, same_networks=True, each=len(configurations))
     networks = [t for t in configurations[0][0] if all(t in rows for both in configurations for rows in both)]
     if len(networks) != 1:
-        return difference(*(_weighted([b[i] for b in configurations], networks) for i in (0, 1)), same_networks=True)
-    counts = [
+        return difference(*(_weighted([c[i] for c in configurations], networks) for i in (0, 1)), same_networks=True)
+    counts = [  # for each configuration, (successes, trials) on both sides
         [(round(sum(rows[networks[0]].values())), len(rows[networks[0]])) for rows in both] for both in configurations
     ]
     values = [a / m - b / n for (a, m), (b, n) in counts]
@@ -373,7 +385,7 @@ def _weighted(configurations: Sequence[Rows], networks: Sequence[int]) -> dict[i
 
 
 def _p_of(interval: Callable[[float], tuple[float, float]]) -> float:
-    """Return the p-value that belongs to an interval: the alpha at which one of its ends is 0."""
+    """Return the p-value that belongs to an interval: the alpha at which one of its ends is 0, at least 1e-15."""
 
     def distance(exponent: float) -> float:
         low, high = interval(10.0**exponent)
@@ -447,8 +459,8 @@ def _moments(blocks: Sequence[_Side], paired: bool, same_networks: bool = False,
         n = len(group[0].rows[0])
         if n > 1 and all(block.crossed for block in group):
             columns = np.sum([np.mean(block.rows, axis=0) for block in group], axis=0)  # (n,)
-            rest = sum(_rest(np.array(block.rows)) / len(block.rows) for block in group if len(block.rows) > 1)
-            excess = max(0.0, float(columns.var(ddof=1)) - rest) / n
+            residual = sum(_residual(np.array(block.rows)) / len(block.rows) for block in group if len(block.rows) > 1)
+            excess = max(0.0, float(columns.var(ddof=1)) - residual) / n
             single = all(len(block.rows) == 1 for block in group)
             episodes.append((max(excess, _least(each * n)) if single else excess, n - 1))
     if not networks and not episodes:  # a single episode
@@ -457,17 +469,17 @@ def _moments(blocks: Sequence[_Side], paired: bool, same_networks: bool = False,
 
 
 def _satterthwaite(parts: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Return the sum of variances and its degrees of freedom, by Satterthwaite's formula."""
-    below = sum(v * v / df for v, df in parts)
+    """Return the sum of variances and its degrees of freedom, for pairs of both, by Satterthwaite's formula."""
     total = sum(v for v, _ in parts)
-    return total, total**2 / below if below > 0 else 1.0
+    divisor = sum(v * v / df for v, df in parts)
+    return total, total**2 / divisor if divisor > 0 else 1.0
 
 
-def _rest(y: np.ndarray) -> float:
-    """Return the mean square of the residuals of y (k, n) after row and column means are removed."""
+def _residual(y: np.ndarray) -> float:
+    """Return MS_rest, the mean square of y (k, n) after row and column means are removed."""
     k, n = y.shape
-    rest = y - y.mean(axis=1, keepdims=True) - y.mean(axis=0) + y.mean()
-    return float(np.sum(rest**2)) / ((k - 1) * (n - 1))
+    residual = y - y.mean(axis=1, keepdims=True) - y.mean(axis=0) + y.mean()
+    return float(np.sum(residual**2)) / ((k - 1) * (n - 1))
 
 
 def _least(n: int) -> float:
@@ -485,12 +497,14 @@ def mcnemar(first_only: int, second_only: int) -> float:
     return float(binomtest(first_only, pairs).pvalue) if pairs else 1.0
 
 
-def _pairs(first: np.ndarray, second: np.ndarray) -> Difference:
+def _by_mcnemar(first: np.ndarray, second: np.ndarray) -> Difference:
+    """Compare successes (n,) bool of one network per side on the same episodes."""
     b, c, n = int(np.sum(first & ~second)), int(np.sum(~first & second)), len(first)
     return Difference(mcnemar(b, c), (b - c) / n, lambda alpha: tango(b, c, n, alpha), n, 1, True, (b + c) / n)
 
 
-def _independent(first: np.ndarray, second: np.ndarray) -> Difference:
+def _by_fisher(first: np.ndarray, second: np.ndarray) -> Difference:
+    """Compare successes, (m,) and (n,) bool, of one network per side on different episodes."""
     (a, m), (b, n) = ((int(side.sum()), len(side)) for side in (first, second))
     p = float(fisher_exact([[a, m - a], [b, n - b]]).pvalue)
     return Difference(min(1.0, p), a / m - b / n, lambda alpha: newcombe((a, b), (m, n), alpha), min(m, n), 1, False)
@@ -528,7 +542,7 @@ def tango_score(b: int, c: int, n: int, delta: float) -> float:
 
 
 def _root(b: int, c: int, n: int, low: float, high: float, target: float) -> float:
-    """Return the delta between `low` and `high` at which the score, which falls with delta, equals `target`."""
+    """Return the delta from `low` to `high` at which the score, which falls with delta, comes nearest to `target`."""
     eps = 1e-12
     low, high = low + eps, high - eps
 
@@ -556,7 +570,7 @@ class Decision:
         estimate: for a difference, its value and interval; the interval excludes 0 exactly where the verdict is
             `different`.
         needed: number of pairs that would detect a difference as large as the margin with 80 % power at Holm's first
-            step, if the verdict is that these data cannot tell; None where these pairs are as many, or where the unit
+            step, if the verdict is that these data cannot tell; None where the test has as many, or where the unit
             is not a pair of episodes.
     """
 
@@ -595,7 +609,7 @@ def decide(tests: Mapping[Key, Hypothesis | Difference], margin: float = MARGIN)
     total = sum(weight for _, weight in asked.values())
     # total weight by which Holm's procedure divides ALPHA for each test: for a rejected test, that of the tests not
     # rejected before it; for any other, that of all tests not rejected
-    behind = {
+    divisor = {
         key: sum(w for other, (_, w) in asked.items() if adjusted[other] >= min(p, ALPHA))
         for key, p in adjusted.items()
     }
@@ -604,9 +618,9 @@ def decide(tests: Mapping[Key, Hypothesis | Difference], margin: float = MARGIN)
         p = adjusted.get(key)
         sure = p is not None and p < ALPHA
         verdict: Verdict = "different" if sure else CANNOT_TELL
-        estimate, more = Decision.estimate, None
+        estimate, needed = Decision.estimate, None
         if isinstance(test, Difference):
-            low, high = test.interval(ALPHA if p is None else ALPHA * test.weight / behind[key])
+            low, high = test.interval(ALPHA if p is None else ALPHA * test.weight / divisor[key])
             if sure:
                 low, high = (max(low, 0.0), high) if test.value > 0 else (low, min(high, 0.0))
             elif p is not None:
@@ -615,9 +629,9 @@ def decide(tests: Mapping[Key, Hypothesis | Difference], margin: float = MARGIN)
                     verdict = "equal"
             estimate = Estimate(test.value, low, high, test.n)
             if verdict == CANNOT_TELL and test.discordant is not None:
-                most = pairs_needed(margin, test.discordant, ALPHA * test.weight / total)
-                more = most if most > test.n else None
-        decisions[key] = Decision(test, p, verdict, len(asked), estimate, more)
+                pairs = pairs_needed(margin, test.discordant, ALPHA * test.weight / total)
+                needed = pairs if pairs > test.n else None
+        decisions[key] = Decision(test, p, verdict, len(asked), estimate, needed)
     return decisions
 
 
@@ -690,7 +704,6 @@ def share(part: np.ndarray, total: np.ndarray) -> Estimate | None:
         part, total: values (networks, episodes) of the same networks and episodes.
     """
     part, total = np.atleast_2d(part), np.atleast_2d(total)
-
     of_part, of_total, of_rest = (_moments([_Side(list(y), True)], paired=True) for y in (part, total, total - part))
     f, t = of_part.value, of_total.value
     q_f, q_t, q_rest = (m.half(ALPHA) ** 2 for m in (of_part, of_total, of_rest))
@@ -717,7 +730,8 @@ def noise(first: Rows, second: Rows) -> np.ndarray:
     y = [np.mean(side.rows, axis=0) if side.crossed else np.concatenate(side.rows) for side in sides]
     sd = np.array([math.sqrt((v.sum() + 1) * (len(v) - v.sum() + 1) / len(v)) / (len(v) + 2) for v in y])
     r = float(np.corrcoef(y[0], y[1])[0, 1]) if both and min(map(np.std, y)) > 0 else 0.0
-    return np.outer(sd, sd) * np.array([[1.0, 0.999 * r], [0.999 * r, 1.0]])
+    r *= 0.999  # the covariance for a correlation of 1 could not be inverted
+    return np.outer(sd, sd) * np.array([[1.0, r], [r, 1.0]])
 
 
 def correlation(x: np.ndarray, y: np.ndarray, noise: Sequence[np.ndarray]) -> Estimate:
@@ -735,7 +749,7 @@ def correlation(x: np.ndarray, y: np.ndarray, noise: Sequence[np.ndarray]) -> Es
     if n < 4:
         return Estimate(math.nan, math.nan, math.nan, n)
     r, a, b = np.meshgrid(_RHO, _SPREAD, _SPREAD, indexing="ij")
-    log = np.zeros(r.shape)
+    log = np.zeros(r.shape)  # twice the log-likelihood
     w_x, w_y, w_c, s_x, s_y = (np.zeros(r.shape) for _ in range(5))  # weights and weighted sums
     for x_i, y_i, cov in zip(x, y, noise, strict=True):
         v_x, v_y, c = a * a + cov[0, 0], b * b + cov[1, 1], r * a * b + cov[0, 1]
@@ -775,7 +789,7 @@ def measured_correlation(x: np.ndarray, y: np.ndarray) -> float:
 
 
 def mean_interval(values: np.ndarray) -> Estimate:
-    """Return the mean over policies with its t interval; with fewer than three, its ends are NaN."""
+    """Return the mean of differences of success (n,) with its t interval; with fewer than three, its ends are NaN."""
     n, value = len(values), float(np.mean(values))
     if n < FEWEST_NETWORKS:
         return Estimate(value, math.nan, math.nan, n)
@@ -806,6 +820,8 @@ _CORNER = 0.25  # weight of each of four uncorrelated pairs that are added to th
 def paired_correlation(y: np.ndarray, f: np.ndarray) -> Estimate:
     """Return the correlation of real outcomes y (n,) with simulation's of the same trials, f (n,), and its interval.
 
+    A real outcome is 0 or 1; a simulated one may be a mean over replays.
+
     Outcomes are not normal, so the variance of Fisher's z is that of r's influence function. It is taken without and
     with four uncorrelated pairs of weight 1/4, because a few trials that all agree show no variance. The interval
     covers both, and Fisher's own. If a side does not vary, the correlation is NaN and the interval -1 to 1.
@@ -813,29 +829,34 @@ def paired_correlation(y: np.ndarray, f: np.ndarray) -> Estimate:
     n = len(y)
     if n < 4 or min(np.ptp(y), np.ptp(f)) == 0:
         return Estimate(math.nan, -1.0, 1.0, n)
-    sides = [(side.mean() - side.std(), side.mean() + side.std()) for side in (y, f)]
-    corners = np.array([(a, b) for a in (0.0, 1.0) for b in sides[1]])
-    together = np.concatenate([np.stack([y, f], axis=1), corners])
+    corners = np.array([(a, b) for a in (0.0, 1.0) for b in (f.mean() - f.std(), f.mean() + f.std())])
+    extended = np.concatenate([np.stack([y, f], axis=1), corners])
     weight = np.concatenate([np.ones(n), np.full(len(corners), _CORNER)])
     r, ends = measured_correlation(y, f), []
-    for values, w in ((together[:n], weight[:n]), (together, weight)):
+    for values, w in ((extended[:n], weight[:n]), (extended, weight)):
         z = (values - np.average(values, axis=0, weights=w)) / np.sqrt(_variance(values, w))
-        at = float(np.average(z[:, 0] * z[:, 1], weights=w))
-        influence = z[:, 0] * z[:, 1] - at / 2 * (z**2).sum(axis=1)
-        rest = max(1 - at * at, 1e-9)
-        sd = math.sqrt(float(np.average(influence**2, weights=w)) / (w.sum() - 3)) / rest
-        ends += [math.atanh(math.copysign(min(abs(at), 1 - 1e-9), at)) + s * sd for s in _two_sided(w.sum() - 2)]
-    middle = math.atanh(math.copysign(min(abs(r), 1 - 1e-9), r))
-    ends += [middle + s * float(norm.ppf(1 - ALPHA / 2)) / math.sqrt(n - 3) for s in (-1.0, 1.0)]
+        r_w = float(np.average(z[:, 0] * z[:, 1], weights=w))
+        influence = z[:, 0] * z[:, 1] - r_w / 2 * (z**2).sum(axis=1)
+        inverse_slope = max(1 - r_w * r_w, 1e-9)  # of Fisher's z
+        sd = math.sqrt(float(np.average(influence**2, weights=w)) / (w.sum() - 3)) / inverse_slope
+        ends += [_fisher_z(r_w) + s * sd for s in _two_sided(w.sum() - 2)]
+    ends += [_fisher_z(r) + s * float(norm.ppf(1 - ALPHA / 2)) / math.sqrt(n - 3) for s in (-1.0, 1.0)]
     return Estimate(r, min(r, math.tanh(min(ends))), max(r, math.tanh(max(ends))), n)
 
 
+def _fisher_z(r: float) -> float:
+    """Return Fisher's z of a correlation, finite also for -1 and 1."""
+    return math.atanh(math.copysign(min(abs(r), 1 - 1e-9), r))
+
+
 def _two_sided(df: float) -> tuple[float, float]:
+    """Return the two t quantiles of a 95 % interval."""
     quantile = -float(stdtrit(df, ALPHA / 2))
     return -quantile, quantile
 
 
 def _variance(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return the weighted variance of each column."""
     return np.average((values - np.average(values, axis=0, weights=weights)) ** 2, axis=0, weights=weights)
 
 
@@ -859,17 +880,17 @@ class Worth:
     @property
     def words(self) -> str:
         """The value in one sentence."""
-        n, rho, more = self.rho.n, self.rho, self.trials
+        n, rho, trials = self.rho.n, self.rho, self.trials
         if n < FEWEST_PAIRED:
             return f"{CANNOT_TELL} what the simulator is worth: {n} paired trials, {FEWEST_PAIRED} are needed"
         if math.isnan(rho.value):
             return f"{CANNOT_TELL} what the simulator is worth: on one side all of {n} paired trials end alike"
-        said = f"{n} paired trials, rho {rho.value:.2f} ({rho.low:.2f} to {rho.high:.2f})"
+        numbers = f"{n} paired trials, rho {rho.value:.2f} ({rho.low:.2f} to {rho.high:.2f})"
         if not self.buys:
-            least = f"it surely is worth {_count(more.low)} further trials, under a fifth of {n}"
-            return f"the simulator buys nothing for judging this policy: {said}; {least}"
-        ends = f"{_count(more.low)} to {_count(more.high)}"
-        return f"the simulator is worth {_count(more.value)} further trials ({ends}): {said}"
+            least = f"it surely is worth {_count(trials.low)} further trials, under a fifth of {n}"
+            return f"the simulator buys nothing for judging this policy: {numbers}; {least}"
+        ends = f"{_count(trials.low)} to {_count(trials.high)}"
+        return f"the simulator is worth {_count(trials.value)} further trials ({ends}): {numbers}"
 
 
 def _count(trials: float) -> str:

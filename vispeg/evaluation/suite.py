@@ -112,9 +112,9 @@ def summarise(
     Raises:
         UserError: no configuration with episodes in both worlds, or a world's name with two hashes.
     """
-    made = {**(hashes or {}), **{name: h for name, h in check_worlds(episodes).items() if h}}
+    all_hashes = {**(hashes or {}), **{name: h for name, h in check_worlds(episodes).items() if h}}
     found: list[SuiteRow] = []
-    known: list[np.ndarray] = []
+    noises: list[np.ndarray] = []  # covariance (2, 2) of each row's two rates
     falls: dict[str, Difference] = {}
     for policy in dict.fromkeys(e.policy for e in episodes):
         both = []
@@ -128,7 +128,7 @@ def summarise(
                 first, second = ({t: side[t] for t in tried} for side in (first, second))
                 sides = [rate(side).to_json() for side in (first, second)]
                 found.append({"configuration": c, "policy": policy, "train": sides[0], "target": sides[1]})
-                known.append(noise(first, second))
+                noises.append(noise(first, second))
                 both.append((first, second))
         if both:
             falls[policy] = fall(both)
@@ -144,16 +144,16 @@ def summarise(
         "version": version,
         "train": train,
         "target": target,
-        "worlds": [{"name": name, "hash": h} for name, h in made.items()],
+        "worlds": [{"name": name, "hash": h} for name, h in all_hashes.items()],
         "rows": found,
         "falls": lost,
-        "health": _health(found, known, lost),
+        "health": _health(found, noises, lost),
     }
 
 
-def _health(found: Sequence[SuiteRow], known: Sequence[np.ndarray], falls: Sequence[Fall]) -> Health:
+def _health(found: Sequence[SuiteRow], noises: Sequence[np.ndarray], falls: Sequence[Fall]) -> Health:
     """Return the verdict on a version, from the correlation and the policies' losses."""
-    measures, status, words = _correlation(found, known)
+    measures, status, words = _correlation(found, noises)
     fallen = [f for f in falls if f["beyond_doubt"]]
     if fallen:
         lost = [f"{f['policy']} loses {_points(f['fall'])} from the training world to the target" for f in fallen]
@@ -166,12 +166,12 @@ def _points(e: Interval) -> str:
     return f"{value:.0f} points ({low:.0f} to {high:.0f})"
 
 
-def _correlation(found: Sequence[SuiteRow], known: Sequence[np.ndarray]) -> tuple[Measures, str, str]:
+def _correlation(found: Sequence[SuiteRow], noises: Sequence[np.ndarray]) -> tuple[Measures, str, str]:
     """Return the correlation over configurations as measures, status and words."""
     if len(found) < FEWEST_POLICIES:
         return {}, CANNOT_TELL, f"{len(found)} configurations, a correlation needs {FEWEST_POLICIES}"
     x, y = (np.array([r[side]["value"] for r in found], float) for side in ("train", "target"))
-    r = correlation(x, y, known)
+    r = correlation(x, y, noises)
     measures: Measures = {"pearson": r.to_json(), "mean_difference": mean_interval(x - y).to_json()}
     numbers = f"r = {r.value:.2f} ({r.low:.2f} to {r.high:.2f})".replace("-", "−")
     if r.high < ALARM:
@@ -238,7 +238,7 @@ def regressions(old: Sequence[Episode], new: Sequence[Episode]) -> list[VersionC
                 for side, n in ((old, a), (new, b))
             )
             if before and after and {e.world_hash for e in before} == {e.world_hash for e in after}:
-                sides = [
+                sides = [  # a robot's trials have no hash; with the version in their key, they do not pair
                     rows(side, lambda e, version=version: e.seed if e.world_hash else (version, e.seed))
                     for version, side in (("new", after), ("old", before))
                 ]

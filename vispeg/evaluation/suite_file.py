@@ -22,7 +22,7 @@ class _Rate(BaseModel):
     high: float
 
 
-class _Maybe(BaseModel):
+class _Correlation(BaseModel):
     value: float | None
     low: float | None
     high: float | None
@@ -43,7 +43,7 @@ class _World(BaseModel):
 class _Health(BaseModel):
     status: str
     words: str
-    pearson: _Maybe | None = None
+    pearson: _Correlation | None = None
 
 
 class _Result(BaseModel):

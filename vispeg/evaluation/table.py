@@ -89,8 +89,8 @@ class Table:
         """
         sides = [self.rows(Cell(policy, w)) for w in worlds]
         networks = self.networks([Cell(policy, w) for w in worlds])
-        shared = [set(side[t]) for side in sides for t in networks]
-        seeds = sorted(set.intersection(*shared), key=repr) if shared else []
+        played = [set(side[t]) for side in sides for t in networks]
+        seeds = sorted(set.intersection(*played), key=repr) if played else []
         if not seeds:
             return None
         return {
@@ -113,6 +113,6 @@ def rows(
     """
     found: dict[int, dict[Hashable, Any]] = {}
     for e in episodes:
-        known = name(e) if e.world_hash else (e.policy, e.train_seed, name(e))
-        found.setdefault(e.train_seed, {})[known] = value(e)
+        key = name(e) if e.world_hash else (e.policy, e.train_seed, name(e))
+        found.setdefault(e.train_seed, {})[key] = value(e)
     return found

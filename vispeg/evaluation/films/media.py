@@ -44,8 +44,10 @@ def film_seeds(
         for seed in _worth_seeing(played)[:most]:
             clips = [film(_like(job, w, jobs), seed) for w in worlds]
             step = len(clips[-1].frames) - 1
-            named = zip(clips, worlds, strict=True)
-            sides = [side(clip, world, folder, f"{name}-{seed}-{world}", step) for clip, world in named]
+            sides = [
+                side(clip, world, folder, f"{name}-{seed}-{world}", step)
+                for clip, world in zip(clips, worlds, strict=True)
+            ]
             films.append({"policy": name, "train_seed": network, "seed": seed, "sides": sides})
     return films
 

@@ -112,9 +112,9 @@ def sweep(text: str) -> Sweep:
     kind, params = effect(name), tuple(names.split(","))
     together = [kind.param(p, key="--sweep") for p in params]
     if len({(p.unit, p.null) for p in together}) > 1:
-        told = ", ".join(f"{name} {p.null:g} {p.unit}" for name, p in zip(params, together, strict=True))
+        listed = ", ".join(f"{name} {p.null:g} {p.unit}" for name, p in zip(params, together, strict=True))
         expected = "parameters of one unit that vanish at one value"
-        raise UserError("cannot take the same values", key="--sweep", expected=expected, got=told)
+        raise UserError("cannot take the same values", key="--sweep", expected=expected, got=listed)
     try:
         values = tuple(sorted({float(v) for v in tail.split(",")} | {together[0].null}))
     except ValueError:
@@ -226,7 +226,7 @@ def summarise(episodes: Sequence[Episode], asked: Sequence[Sweep]) -> list[Sweep
             "null": what.null,
             "label": what.label,
             "curves": [
-                _curve(what, (policy, modality), played, decided)
+                _curve(what, policy, modality, played, decided)
                 for policy, modality in {e.policy: e.modality for e in episodes}.items()
             ],
         }
@@ -236,11 +236,13 @@ def summarise(episodes: Sequence[Episode], asked: Sequence[Sweep]) -> list[Sweep
 
 def _curve(
     what: Sweep,
-    of: tuple[str, str],
+    policy: str,
+    modality: str,
     played: Mapping[tuple[str, str], Rows],
     decided: Mapping[tuple[str, str], Decision],
 ) -> Curve:
-    (policy, modality), points, fallen = of, list[SweepPoint](), []
+    points: list[SweepPoint] = []
+    fallen: list[SweepPoint] = []  # values at which success is found to be lower
     for v in what.values:
         key = policy, tag(what, v)
         point: SweepPoint = {"value": v, "success": rate(played[key]).to_json()}
@@ -255,13 +257,13 @@ def _curve(
         "modality": modality,
         "points": points,
         "falls_at": nearest["value"] if nearest else None,
-        "words": _over(decided[policy, tag(what, what.values[-1])].estimate)
+        "words": _interval_words(decided[policy, tag(what, what.values[-1])].estimate)
         if what.measured
         else _words(points, nearest, what),
     }
 
 
-def _over(cost: Estimate) -> str:
+def _interval_words(cost: Estimate) -> str:
     """Return a sentence on success at the high end of a measured interval against the low end."""
     low, high = -cost.high, -cost.low
     return words(0.0 - cost.value, low, high, verdict(low, high, cost.n))
