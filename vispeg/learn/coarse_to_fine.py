@@ -65,8 +65,8 @@ class CoarseToFine:
         self.coarse.reset(n, rows)
         self.fine.reset(n, rows)
         if rows is None:
-            self.fine_has, self.sights = np.zeros(n, bool), np.zeros(n, int)
-            self.goal = np.zeros((n, 2))
+            self.fine_has, self.sights = np.zeros(n, bool), np.zeros(n, int)  # sights: number of estimates so far
+            self.goal = np.zeros((n, 2))  # m, in the plane, from the place to which tip positions are relative
         else:
             self.fine_has[rows], self.sights[rows], self.goal[rows] = False, 0, 0.0
 
@@ -81,10 +81,10 @@ class CoarseToFine:
         self.goal += weight[:, None] * (measured - offset - self.goal)
         self.sights += ~self.fine_has
         self.fine_has |= np.linalg.norm(measured - self.goal, axis=1) < self.within
-        observation = {**obs, VECTOR: self._told(obs[VECTOR])} if self.fine.modality == "state" else obs
+        observation = {**obs, VECTOR: self._relative_to_goal(obs[VECTOR])} if self.fine.modality == "state" else obs
         return np.where(self.fine_has[:, None], self.fine.act(observation), action)
 
-    def _told(self, vector: np.ndarray) -> np.ndarray:
+    def _relative_to_goal(self, vector: np.ndarray) -> np.ndarray:
         """Return the stacked observations (n, stack d) with tip positions relative to the estimated goal."""
         out = vector.reshape(len(vector), -1, self.observed.policy_size).copy()
         out[:, :, self.tip][:, :, :2] -= (self.goal / self.unit)[:, None]

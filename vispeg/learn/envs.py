@@ -30,8 +30,8 @@ def maker(
         from vispeg.task.environments.vector import TaskVec
 
         merged = {"stack": 1, **settings} if sac.recurrent else dict(settings)
-        run: Any = {"autoreset_mode": AutoresetMode.DISABLED, "nthread": threads, "engine": engine, "dump": dump}
-        return TaskVec(rows, world, senses.obs_mode, privileged=True, **run, **merged)
+        options: Any = {"autoreset_mode": AutoresetMode.DISABLED, "nthread": threads, "engine": engine, "dump": dump}
+        return TaskVec(rows, world, senses.obs_mode, privileged=True, **options, **merged)
 
     return make
 

@@ -29,11 +29,11 @@ def interface_of_policy(policy: Policy, world: str | None = None, digest: str = 
     if senses.knows:
         raise NoInterface("reads the ground truth, which no robot has", key="modality", got=policy.modality)
     meta = policy.meta
-    own = {} if world else made_for(meta)
+    tolerance = {} if world else made_for(meta)
     memory = {"stack": 1} if policy.recurrent else {}
     try:
         at = world or home(policy)
-        _, config, file = world_of(at, {**memory, **own, **interface(meta)})
+        _, config, file = world_of(at, {**memory, **tolerance, **interface(meta)})
     except UserError as error:
         raise NoInterface(f"the world it was trained in: {error}", expected="--world NAME or FILE") from error
     trained = str(meta.get("world_hash") or ("" if file is None else file.hash))
@@ -49,7 +49,7 @@ def interface_of_policy(policy: Policy, world: str | None = None, digest: str = 
         **worlds(meta),
         policy=digest,
     )
-    size = out.stack * sum(told.size for told in out.told)
+    size = out.stack * sum(term.size for term in out.told)
     if size != policy.layout.vector:
         raise UserError("made for another observation", key="policy", expected=size, got=policy.layout.vector)
     return out

@@ -67,10 +67,10 @@ def read_record(folder: Path) -> PolicyRecord:
     path = folder / META
     if not is_file(path):
         raise UserError("not a policy's folder", file=folder, expected=f"{WEIGHTS} and {META}")
-    kind = PAIR if _says(path) == PAIR.name else NETWORK
+    kind = PAIR if _format_of(path) == PAIR.name else NETWORK
     record = kind.read(path)
     meta = record.setdefault("meta", {})
-    _meta(meta, path)
+    _check_meta(meta, path)
     if kind is PAIR:
         within = record["within"]
         if isinstance(within, bool) or not isinstance(within, int | float) or not 0 < within <= 1:
@@ -84,14 +84,14 @@ def read_record(folder: Path) -> PolicyRecord:
         layout = Layout.from_json(record["layout"])
     except UserError as error:
         raise UserError(str(error), file=path) from None
-    _agree(layout, meta, path)
+    _check_layout(layout, meta, path)
     net = record.setdefault("net", {})
     if not isinstance(net, dict):
         raise UserError("not a network", file=path, key="net", expected="hidden, recurrent", got=net)
     hidden, recurrent = net.setdefault("hidden", [256, 256]), net.setdefault("recurrent", 0)
-    if not isinstance(hidden, list) or not 1 <= len(hidden) <= LAYERS or not all(_width(n, 1) for n in hidden):
+    if not isinstance(hidden, list) or not 1 <= len(hidden) <= LAYERS or not all(_is_width(n, 1) for n in hidden):
         raise UserError("not widths of layers", file=path, key="net.hidden", expected=f"1 to {WIDEST} each", got=hidden)
-    if not _width(recurrent, 0):
+    if not _is_width(recurrent, 0):
         raise UserError("not a width", file=path, key="net.recurrent", expected=f"0 to {WIDEST}", got=recurrent)
     if not isinstance(record.get("weights", ""), str):
         raise UserError("not a hash", file=path, key="weights", expected="sha256:...", got=record["weights"])
@@ -103,17 +103,17 @@ def check_weights(folder: Path, record: PolicyRecord) -> None:
     path = folder / WEIGHTS
     if not is_file(path):
         raise UserError("is missing, or no file", file=path, expected="the policy's weights")
-    said = record.get("weights")
-    if said is not None and said != (got := f"sha256:{digest(path)}"):
-        raise UserError("are not the weights of the policy.json beside them", file=path, expected=said, got=got)
+    stated = record.get("weights")
+    if stated is not None and stated != (got := f"sha256:{digest(path)}"):
+        raise UserError("are not the weights of the policy.json beside them", file=path, expected=stated, got=got)
 
 
-def _says(path: Path) -> Any:
+def _format_of(path: Path) -> Any:
     record = read_json(path)
     return record.get("format") if isinstance(record, dict) else None
 
 
-def _meta(meta: Any, path: Path) -> None:
+def _check_meta(meta: Any, path: Path) -> None:
     """Raise UserError where an entry of `meta` has the wrong type or an invalid value."""
     if not isinstance(meta, dict):
         raise UserError("not a mapping", file=path, key="meta", got=meta)
@@ -135,7 +135,7 @@ def _meta(meta: Any, path: Path) -> None:
         raise UserError(str(error), file=path) from None
 
 
-def _agree(layout: Layout, meta: Mapping[str, Any], path: Path) -> None:
+def _check_layout(layout: Layout, meta: Mapping[str, Any], path: Path) -> None:
     """Raise UserError where a policy's layout does not match the task that its record names."""
     task, stated = config_of(interface(meta)), interface(meta)
     length = task.stack * observed(meta).policy_size
@@ -150,5 +150,5 @@ def _agree(layout: Layout, meta: Mapping[str, Any], path: Path) -> None:
             raise UserError("not a camera of the task", file=path, key=f"layout.images.{key}", choices=task.cameras)
 
 
-def _width(value: Any, least: int) -> bool:
+def _is_width(value: Any, least: int) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and least <= value <= WIDEST

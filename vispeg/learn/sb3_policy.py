@@ -44,7 +44,8 @@ def opened(path: Path) -> Any:
         kind, kwargs = data["policy_class"], data["policy_kwargs"]
         module, name = str(kind["__module__"]), str(kind["__init__"]).split()[1].partition(".")[0]
         parts = BOX.findall(str(data["observation_space"]["spaces"]))
-        acts, action = data["action_space"], str(data["action_space"]["_shape"]).strip("[]")
+        action_space = data["action_space"]
+        action = str(action_space["_shape"]).strip("[]")
     except (zipfile.BadZipFile, OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
         expected = "a policy that Stable-Baselines3 saved in one of vispeg's environments"
         raise UserError(f"not such a file ({type(error).__name__}: {error})", file=path, expected=expected) from error
@@ -53,7 +54,7 @@ def opened(path: Path) -> Any:
     if not module.startswith("stable_baselines3."):
         raise UserError("is of a class of your own", file=path, key=module, expected="MODULE:FUNCTION that loads it")
     if not action.isdigit():
-        expected, kind = "a vector of numbers within +-1 (Box)", acts.get(":type:")
+        expected, kind = "a vector of numbers within +-1 (Box)", action_space.get(":type:")
         raise UserError("acts otherwise", file=path, key="action_space", expected=expected, got=kind)
     space: dict[str, spaces.Space[Any]] = {
         key: spaces.Box(float(low), float(high), tuple(int(n) for n in shape.split(",") if n.strip()), np.dtype(dtype))
@@ -71,6 +72,7 @@ def opened(path: Path) -> Any:
 
 
 def _plain(value: Any, path: Path) -> Any:
+    """Return an argument from the file's text. Raises UserError for one that JSON cannot hold, such as a class."""
     if isinstance(value, str) and value in ("True", "False", "None"):
         return {"True": True, "False": False, "None": None}[value]
     if isinstance(value, str) and re.match(r"[\[{(<]", value):

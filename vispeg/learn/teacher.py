@@ -66,6 +66,7 @@ class Tare:
 
     def begin(self, n: int, rows: np.ndarray | None = None) -> None:
         """Begin new episodes in all n rows, or only in those where `rows` (n,) is True."""
+        # steps of the episode, those of them without contact, and the sum of their readings
         if rows is None:
             self.age, self.free, self.sum = np.zeros(n, int), np.zeros(n), np.zeros((n, 6))
         else:

@@ -18,7 +18,7 @@ from vispeg.formats.json_data import read_json
 from vispeg.learn.config import TrainConfig
 from vispeg.learn.curves.progress import Row
 
-TOLD = ("success", "reward", "peak_force", "train_success", "level", "actor_loss")
+LOGGED = ("success", "reward", "peak_force", "train_success", "level", "actor_loss")
 RUN_ID = "wandb.json"  # the folder's run id at Weights & Biases, so that a resumed run continues there
 STEP = "steps"
 
@@ -43,8 +43,8 @@ def curves(folder: Path, config: TrainConfig) -> Logger:
 
 
 def record(logger: Logger, row: Row, stage: str, step: int) -> None:
-    """Log the TOLD columns of an evaluation's row at a step, each under the name `STAGE/COLUMN`."""
-    for name in TOLD:
+    """Log the LOGGED columns of an evaluation's row at a step, each under the name `STAGE/COLUMN`."""
+    for name in LOGGED:
         if (value := row.get(name)) is not None:
             logger.record(f"{stage}/{name}", value)
     logger.dump(step)

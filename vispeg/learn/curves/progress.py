@@ -77,7 +77,7 @@ class Table:
         if path.is_file():
             with as_written(path, "vispeg train"):
                 stored = list(csv.DictReader(io.StringIO(read_text(path, 64 * MB), newline="")))
-                self.rows = [r for r in stored if _before(r, upto, rounds)]
+                self.rows = [r for r in stored if _remains(r, upto, rounds)]
 
     @property
     def seconds(self) -> float:
@@ -129,7 +129,7 @@ class Bar:
     """
 
     def __init__(self, total: int, show: bool):
-        self.total, self.show, self.live, self.shown = total, show, None, 0.0
+        self.total, self.show, self.live, self.shown = total, show, None, 0.0  # shown: time of the last update, s
         if show and sys.stderr.isatty():
             from rich.console import Console
             from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -169,7 +169,8 @@ def failures(categories: list[str]) -> str:
     return " ".join(f"{name} {number}" for name, number in counted.most_common())
 
 
-def _before(row: Mapping[str, str], upto: int, rounds: float) -> bool:
+def _remains(row: Mapping[str, str], upto: int, rounds: float) -> bool:
+    """Return whether a stored row stays when a run resumes; arguments as for Table."""
     if row["stage"].isdigit():
         return int(row["steps"]) <= upto
     return int(row["stage"].removeprefix("distill ")) < rounds

@@ -151,12 +151,12 @@ class Replay:
         self.began[:] = self.head
 
     def _span(self, row: int) -> np.ndarray:
-        """Return the indices of the entries of the row's present episode."""
-        return (
-            np.arange(self.began[row], self.head[row] + self.length * (self.head[row] <= self.began[row])) % self.length
-        )
+        """Return the indices of the entries of the row's present episode, of all entries where none is in progress."""
+        wrapped = self.head[row] <= self.began[row]
+        return np.arange(self.began[row], self.head[row] + self.length * wrapped) % self.length
 
     def _write(self, obs: Mapping[str, np.ndarray], envs: np.ndarray) -> np.ndarray:
+        """Write an entry for each of the rows `envs` (m,) and move on; return the entries' indices (m,)."""
         at = self.head[envs]
         for key, stored in self.obs.items():
             stored[at, envs] = _pack(key, obs[key])
@@ -202,19 +202,22 @@ class Replay:
         return self._batch(at, np.broadcast_to(env, at.shape), weight)
 
     def _draw(self, n: int, allowed: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Return index and row, (n,) each, of n entries drawn uniformly among those `allowed` (T, N)."""
         if not allowed.any():
             what = "transition" if allowed is self.starts else "beginning of an episode"
             raise UserError(f"nothing to learn from: the replay holds no {what}")
         indices = np.empty(0, np.int64)
-        # draw more than n, then drop those not allowed: few of all transitions, most of the episodes' starts
+        # draw more than n, then drop those not allowed: of transitions few are dropped, of beginnings of episodes most
+        more = 2 * n if allowed is self.starts else 64 * n
         while len(indices) < n:
-            drawn = rng.integers(0, self._used * self.n_envs, 2 * n if allowed is self.starts else 64 * n)
+            drawn = rng.integers(0, self._used * self.n_envs, more)
             indices = np.concatenate([indices, drawn[allowed.reshape(-1)[drawn]]])
         return np.divmod(indices[:n], self.n_envs)
 
     def _batch(
         self, at: np.ndarray, env: np.ndarray, weight: np.ndarray | None = None, images: Images = "both"
     ) -> Batch:
+        """Return the transitions at indices `at` of rows `env`; None for weights of 1."""
         after = (at + 1) % self.length
         ones = np.ones(at.shape, np.float32) if weight is None else weight.astype(np.float32)
         return Batch(
@@ -227,6 +230,7 @@ class Replay:
         )
 
     def _keys(self, images: bool) -> list[str]:
+        """Return the observation's keys, with those of images or without."""
         return [key for key in self.obs if images or kind_of(key) is None]
 
     def _tensor(self, key: str, packed: np.ndarray) -> Tensor:
@@ -278,14 +282,14 @@ def afford(entries: int, observation_space: Any, action_space: Any, key: str, wh
         UserError: the ring needs more than SHARE of the free memory of this machine or of its control group.
     """
     need, free = Replay.size(entries, observation_space, action_space), available()
-    said = f"{what} of {entries} entries: {in_words(need)}"
+    size = f"{what} of {entries} entries: {in_words(need)}"
     if free is None:
-        return said
+        return size
     if need > SHARE * free:
         fits = int(SHARE * free / need * entries)
         expected = f"{fits} or less, or smaller images (image_size)"
-        raise UserError(f"{said}, and {in_words(free)} are free", key=key, expected=expected, got=entries)
-    return f"{said} of {in_words(free)} that are free"
+        raise UserError(f"{size}, and {in_words(free)} are free", key=key, expected=expected, got=entries)
+    return f"{size} of {in_words(free)} that are free"
 
 
 def mixed(first: Batch, second: Batch) -> Batch:
@@ -314,6 +318,7 @@ def _pack(key: str, value: np.ndarray) -> np.ndarray:
 
 
 def _gaps(key: str) -> bool:
+    """Return whether NaN stands for no reading in this part of the observation."""
     kind = kind_of(key)
     return kind is not None and kind.gaps
 

@@ -91,9 +91,9 @@ def from_folder(
     keys = list(wanted) if PRIVILEGED in wanted or not has_truth else [*wanted, PRIVILEGED]
     names = {key: feature_of(key, index.features) for key in keys if theirs is None or key != POLICY}
     act = EXECUTED if beside is not None and EXECUTED in index.features else ACTION
-    gains = ["next.reward"] if beside is not None else []
-    read_too = theirs.features if theirs is not None else []
-    data = Dataset(place, [*names.values(), act, *gains, *read_too], theirs=True)
+    rewards = ["next.reward"] if beside is not None else []
+    converted = theirs.features if theirs is not None else []  # features from which `policy` and actions are made
+    data = Dataset(place, [*names.values(), act, *rewards, *converted], theirs=True)
     if config is not None and theirs is None:
         _refuse_another_task(index, folder, config, act, beside is not None)
     numbers = successes(index)
@@ -107,8 +107,8 @@ def from_folder(
         if theirs is not None:
             seen[POLICY], meant = theirs.read(episode)
             action = meant if act == ACTION else action
-        gain = np.asarray(episode["next.reward"] if gains else np.zeros(len(action)), np.float32)
-        return {key: seen[key] for key in keys}, action.reshape(len(action), -1), gain
+        reward = np.asarray(episode["next.reward"] if rewards else np.zeros(len(action)), np.float32)
+        return {key: seen[key] for key in keys}, action.reshape(len(action), -1), reward
 
     first, acted, _ = read(numbers[0])
     boxes: dict[str, spaces.Space] = {key: _box(key, first[key]) for key in keys}
@@ -121,12 +121,12 @@ def from_folder(
     box = spaces.Box(-1, 1, (layout.action,), np.float32)
     frames = sum(int(data.episodes[number]["length"]) for number in numbers)
     ring = Replay(frames + len(numbers) + 1, spaces.Dict(boxes), box, device, seed=seed)
-    clipped, known = 0, index.successes is not None
+    clipped, success_known = 0, index.successes is not None
     for number in numbers:
-        observations, actions, gain = read(number)
+        observations, actions, reward = read(number)
         # A folder has no frame after an episode's last action. Imitation needs none, and the value of a success none
         # either. Where success is not recorded, time may have ended the episode: its value goes on from the last frame.
-        steps = len(actions) - (beside is not None and not known)
+        steps = len(actions) - (beside is not None and not success_known)
         clipped += int((np.abs(actions) > 1 + BEYOND).any(axis=1).sum())
         for t in range(steps):
             last, after = t == steps - 1, min(t + 1, len(actions) - 1)
@@ -134,9 +134,9 @@ def from_folder(
                 {key: value[t : t + 1] for key, value in observations.items()},
                 {key: value[after : after + 1] for key, value in observations.items()},
                 np.clip(actions[t : t + 1], -1, 1),
-                gain[t : t + 1],
+                reward[t : t + 1],
                 np.array([last]),
-                [{"TimeLimit.truncated": not known}],
+                [{"TimeLimit.truncated": not success_known}],
             )
     if clipped:
         say(f"{clipped} of {frames} actions asked for more than the controller takes")
@@ -154,17 +154,17 @@ def _refuse_another_task(data: Dataset, folder: str | Path, config: TaskConfig, 
         rewarded: whether rewards are compared.
     """
     task = asdict(config)
-    said: dict[str, Any] = {**made_in(folder).get("task", {})}
+    stated: dict[str, Any] = {**made_in(folder).get("task", {})}
     named = entries(data.info["features"][act]["names"])
     if set(named) <= set(DOF) and named:
-        said["dof"] = named
+        stated["dof"] = named
     if abs(data.info["fps"] * config.policy_period - 1) > RATE:
-        said["policy_period"] = 1 / data.info["fps"]
-    refuse_other_actions("was recorded with other actions", task, said, data.folder)
-    if rewarded and "reward" in said:
-        theirs, own = ((config.rewards.of(t["reward"]), t["reward_scale"]) for t in (said, task))
+        stated["policy_period"] = 1 / data.info["fps"]
+    refuse_other_actions("was recorded with other actions", task, stated, data.folder)
+    if rewarded and "reward" in stated:
+        theirs, own = ((config.rewards.of(t["reward"]), t["reward_scale"]) for t in (stated, task))
         if theirs != own:
-            expected, got = ((t["reward"], t["reward_scale"]) for t in (task, said))
+            expected, got = ((t["reward"], t["reward_scale"]) for t in (task, stated))
             raise UserError("was recorded with other rewards", file=data.folder, expected=expected, got=got)
 
 

@@ -42,20 +42,20 @@ class Theirs:
 
     def __init__(self, data: Dataset, interface: Interface, action: str | None = None):
         self.interface, self.folder = interface, data.folder
-        self._places = observed(data.info["features"])
+        self._places = observed(data.info["features"])  # value's name -> (feature, index in it)
         acted = data.info["features"].get(ACTION)
         if acted is None:
             raise UserError("has no actions", file=self.folder, key=ACTION, choices=data.info["features"])
         i, arm = interface, interface.arm
-        told = {"names": entries(acted["names"]), "width": int(np.prod(acted["shape"])), "source": self.folder}
-        self.actions = Actions(action, i, i.chain, i.tool.tip_m, arm.joints, **told)
+        stated = {"names": entries(acted["names"]), "width": int(np.prod(acted["shape"])), "source": self.folder}
+        self.actions = Actions(action, i, i.chain, i.tool.tip_m, arm.joints, **stated)
         self.joints, self.speeds = arm.joints, tuple(f"{joint}.vel" for joint in arm.joints)
         self._executed = EXECUTED in data.info["features"]
         self._check(data.info["fps"])
         wanted = (*self.joints, *self.speeds, *TASK_STATE)
         read = [self._places[name][0] for name in wanted if name in self._places]
-        more = [ACTION, EXECUTED] if self._executed else [ACTION]
-        self.features: list[str] = list(dict.fromkeys([*read, *more]))
+        acts = [ACTION, EXECUTED] if self._executed else [ACTION]
+        self.features: list[str] = list(dict.fromkeys([*read, *acts]))
 
     def _check(self, rate: float) -> None:
         """Raise UserError where the frame rate (Hz) differs, or the folder lacks values for one of the terms."""
@@ -65,6 +65,7 @@ class Theirs:
                 "frames at another rate than the policy acts", file=self.folder, expected=1 / period, got=rate
             )
         joints = (self.joints,)
+        # term -> the groups of values of which one suffices
         needs: dict[str, Sequence[Sequence[str]]] = {"tip": (self.joints, TIP), "turn": joints}
         needs |= {"velocity": (VELOCITY, (*self.joints, *self.speeds)), "spin": ((*self.joints, *self.speeds),)}
         needs |= {"force": (WRENCH[:3],), "torque": (WRENCH[3:],)}

@@ -84,7 +84,7 @@ def clone(
     adam = optimizer or optimizer_of(actor, settings)
     for group in adam.param_groups:
         group["lr"] = settings.lr * group.get("share", 1.0)
-    falling = torch.optim.lr_scheduler.CosineAnnealingLR(adam, updates)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(adam, updates)
     losses = []
     for update in range(updates):
         actor.encoders.requires_grad_(update >= frozen)
@@ -92,7 +92,7 @@ def clone(
         adam.zero_grad(set_to_none=True)
         loss.backward()
         adam.step()
-        falling.step()
+        schedule.step()
         losses.append(float(loss.detach()))
     actor.encoders.requires_grad_(True)
     return float(np.mean(losses[-max(updates // 10, 1) :]))
@@ -101,6 +101,7 @@ def clone(
 def _loss(
     actor: Actor, rings: Sequence[tuple[Replay, float]], total: float, s: CloneSettings, rng: np.random.Generator
 ) -> torch.Tensor:
+    """Return the loss on a batch drawn from all rings by their shares, which add up to `total`."""
     batch = None
     for ring, share in rings:
         size = max(round(s.batch * share / total), 1)
@@ -108,8 +109,8 @@ def _loss(
         batch = part if batch is None else mixed(batch, part)
     if batch is None:
         raise UserError("nothing to imitate")
-    latent, there = latents(actor, batch, shift=s.shift), batch.weight > 0
-    loss = huber(torch.tanh(actor.mean(latent))[there], batch.action[there])
+    latent, valid = latents(actor, batch, shift=s.shift), batch.weight > 0
+    loss = huber(torch.tanh(actor.mean(latent))[valid], batch.action[valid])
     if actor.offset is not None and PRIVILEGED in batch.obs:
-        loss = loss + s.offset * huber(actor.offset(latent)[there], batch.obs[PRIVILEGED][..., ESTIMATE][there])
+        loss = loss + s.offset * huber(actor.offset(latent)[valid], batch.obs[PRIVILEGED][..., ESTIMATE][valid])
     return loss

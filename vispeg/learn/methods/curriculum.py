@@ -64,7 +64,7 @@ def stages(tolerances: Sequence[float], radii: Sequence[float], task: TaskConfig
     near_first = f"above 0, nearest first, below the {task.start_radius:g} m that are trained for"
     near = _towards(radii, 0.0, task.start_radius, "--start-radius", near_first)
     easier = enumerate(zip_longest(wide, near))
-    return (*(Stage(some or {}, radius, level=1.0 if i else 0.5) for i, (some, radius) in easier), Stage())
+    return (*(Stage(width or {}, radius, level=1.0 if i else 0.5) for i, (width, radius) in easier), Stage())
 
 
 def _wide(tolerances: Sequence[float], task: TaskConfig) -> list[dict[str, float]]:

@@ -25,6 +25,7 @@ from vispeg.learn.checkpoint import restart_seed
 from vispeg.learn.experience.replay import Replay, afford
 from vispeg.learn.methods.clone import CloneSettings, clone
 from vispeg.learn.methods.rounds import RoundResult, Rounds
+from vispeg.learn.methods.sac import MEASURED_ON
 from vispeg.learn.networks.actor import Actor
 from vispeg.learn.policy import NetPolicy
 from vispeg.learn.sb3_env import Sb3Env
@@ -142,7 +143,8 @@ def demonstrations(
                 got=succeeded,
             )
     for row in range(env.num_envs):
-        ring.starts[ring._span(row), row] &= ring.began[row] == ring.head[row]
+        if ring.began[row] != ring.head[row]:  # an episode in progress, which has not succeeded
+            ring.starts[ring._span(row), row] = False
     ring.cut()
     return ring, tried
 
@@ -228,11 +230,11 @@ def distill(
     student = NetPolicy(actor, modality)
 
     def played(number: int, beta: float) -> Replay:
-        asked = None if beta >= 1 else student
+        acting = None if beta >= 1 else student
         noise = settings.noise if 0 < beta < 1 else 0.0
-        own = int(stream(seed, "distill round", number).integers(2**30)) if number else seed
-        play = settings.steps, noise, own
-        return collect(env, teacher, asked, beta, *play, actor.device, settings.looks)
+        round_seed = int(stream(seed, "distill round", number).integers(2**30)) if number else seed
+        steps, looks = settings.steps, settings.looks
+        return collect(env, teacher, acting, beta, steps, noise, round_seed, actor.device, looks)
 
     return _learn(actor, [], played, settings, seed, watch, rounds)
 
@@ -286,7 +288,7 @@ def _learn(
         fresh = None if played is None else played(number, beta)
         rings += [] if fresh is None else [fresh]
         if number == 0:
-            actor.scale.measure(actor.vector(rings[0].sample(4096, images="none").obs))
+            actor.scale.measure(actor.vector(rings[0].sample(MEASURED_ON, images="none").obs))
         shares = [(ring, float(len(ring))) for ring in rings]
         rng = stream(seed, "clone", number)
         loss = clone(actor, shares, settings.updates, settings.clone, rng, optimizer=optimizer)

@@ -119,17 +119,17 @@ def finetune(
     actor = policy.actor.requires_grad_(True)
     lr = settings.lr or 0.1 * trained_at(policy)
     settings = replace(settings, lr=lr)
-    read = None if dataset is None else Path(split(str(dataset))[0])
-    with new_folder(out, overwrite, holds="policy", inputs=(source, read)) as folder:
+    dataset_folder = None if dataset is None else Path(split(str(dataset))[0])
+    with new_folder(out, overwrite, holds="policy", inputs=(source, dataset_folder)) as folder:
         env = Sb3Env(target(settings.rows, {}), starts)
         teacher(env.env)  # refuse an unfit teacher before anything is played
         shown = None
         if dataset is not None:  # likewise an unfit folder
-            told: Any = {"config": getattr(env.env, "config", None), "say": say}
-            shown = from_folder(dataset, policy.modality, actor.layout, seed, actor.device, **told)
+            options: Any = {"config": getattr(env.env, "config", None), "say": say}
+            shown = from_folder(dataset, policy.modality, actor.layout, seed, actor.device, **options)
         before = _success(policy, env, settings.episodes)
         say(f"before: {before:.0%} of {settings.episodes} episodes in the target world")
-        rings: list[tuple[Replay, float]] = []
+        rings: list[tuple[Replay, float]] = []  # with their shares of each batch
         others: list[Origin] = []  # the worlds that it learns in, without the target
         if dataset is not None and shown is not None:
             others.append(made_in(dataset))
@@ -145,8 +145,8 @@ def finetune(
             rings.append((ring, settings.known))
             others.append(describe(home.env))
             home.close()
-        numbers = CloneSettings(lr, settings.batch, settings.shift, encoders=settings.encoders)
-        loss = clone(actor, rings, settings.updates, numbers, stream(seed, "finetune"), frozen=settings.updates // 2)
+        imitation = CloneSettings(lr, settings.batch, settings.shift, encoders=settings.encoders)
+        loss = clone(actor, rings, settings.updates, imitation, stream(seed, "finetune"), frozen=settings.updates // 2)
         after = _success(policy, env, settings.episodes)
         say(f"after: {after:.0%}, loss {loss:.4f}")
         record = {

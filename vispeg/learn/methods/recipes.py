@@ -69,10 +69,10 @@ def distilled(
         teacher = teacher or teacher_of(str(config.teacher), run.env.env.config)
     begin(config, folder)
     rounds = Rounds(folder / ROUNDS, run.model.replay)
-    before: RoundResult = rounds.state or {}
-    if "best" in before and "command" in before:
-        run.best, run.command = (before["best"][0], before["best"][1]), before["command"]
-    reached = int(before.get("reached", 0))  # number of the latest consecutive rounds that reached the target
+    stored: RoundResult = rounds.state or {}
+    if "best" in stored and "command" in stored:
+        run.best, run.command = (stored["best"][0], stored["best"][1]), stored["command"]
+    reached = int(stored.get("reached", 0))  # number of the latest consecutive rounds that reached the target
     table = Table(folder / "progress.csv", 0, rounds.done)
     logger = curves(folder, config)
     bar, started = Bar(len(settings.betas), show), time.monotonic() - table.seconds

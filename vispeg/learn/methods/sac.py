@@ -75,6 +75,7 @@ class AsymmetricSAC(SAC):
 
     Attributes:
         demos: demonstrations, a share `demo_fraction` of each batch; None without.
+        measured: whether the input scales are set.
         new: whether the actor is untrained; False keeps its input scale.
     """
 
@@ -96,8 +97,8 @@ class AsymmetricSAC(SAC):
 
         self.settings, self.measured, self.demos, self.new = settings, False, None, True
         self.demos: Replay | None
-        self._owed, self._hidden = 0.0, None
-        self._hidden: State | None
+        self._owed = 0.0  # updates that are due
+        self._hidden: State | None = None  # memory of a recurrent actor while it explores
         super().__init__(
             AsymmetricPolicy,
             env,
@@ -133,6 +134,7 @@ class AsymmetricSAC(SAC):
             self._owed -= 1
             self._n_updates += 1
             acts = self._n_updates % s.critic_per_actor == 0 and self._n_updates > s.actor_frozen
+            # of images, the critics' targets need those after; the actor's update and symmetric critics those before
             batch, demos = self._sample("both" if acts or s.symmetric else "after")
             values["critic_loss"] = self._update_critic(batch)
             if acts:
@@ -184,20 +186,20 @@ class AsymmetricSAC(SAC):
     def _update_actor(self, batch: Batch, demos: int) -> dict[str, Tensor]:
         """Take one step on alpha log pi(a|s) - min Q(s, a), then one on the temperature towards the target entropy."""
         s = self.settings
-        latent, there = latents(self.actor, batch, False, s.shift), batch.weight > 0
+        latent, valid = latents(self.actor, batch, False, s.shift), batch.weight > 0
         action, log_prob = self.actor.sample(latent)
         self.critic.requires_grad_(False)
         q = self.critic(batch.obs, action, s.shift).amin(-1)
         self.critic.requires_grad_(True)
         loss = _mean(self._temperature() * log_prob - q, batch.weight)
         if demos:
-            done = min(1.0, (self._n_updates - s.actor_frozen) / s.critic_per_actor / s.clone_updates)
-            weight = s.clone_start + done * (s.clone_end - s.clone_start)
-            shown = there.clone()
+            progress = min(1.0, (self._n_updates - s.actor_frozen) / s.critic_per_actor / s.clone_updates)
+            weight = s.clone_start + progress * (s.clone_end - s.clone_start)
+            shown = valid.clone()  # the demonstrations, which are last
             shown[..., :-demos] = False
             loss = loss + weight * huber(torch.tanh(self.actor.mean(latent[shown])), batch.action[shown])
         if self.actor.offset is not None and PRIVILEGED in batch.obs:
-            loss = loss + huber(self.actor.offset(latent[there]), batch.obs[PRIVILEGED][..., ESTIMATE][there])
+            loss = loss + huber(self.actor.offset(latent[valid]), batch.obs[PRIVILEGED][..., ESTIMATE][valid])
         _step(self.actor, loss)
         entropy = _mean(-log_prob.detach(), batch.weight)
         if self.log_ent_coef is not None and self.ent_coef_optimizer is not None:
@@ -213,6 +215,7 @@ class AsymmetricSAC(SAC):
     def _sample_action(
         self, learning_starts: int, action_noise: Any = None, n_envs: int = 1
     ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the exploring actions (n, action) twice: to execute and to store."""
         if self.num_timesteps < learning_starts:
             size = (n_envs, self.actor.layout.action)
             action = self.replay.rng.uniform(-1, 1, size).astype(np.float32)
@@ -237,7 +240,7 @@ class AsymmetricSAC(SAC):
         ends = {key: value.copy() for key, value in new_obs.items()} if dones.any() else new_obs
         for row in np.flatnonzero(dones):
             for key, value in infos[row]["terminal_observation"].items():
-                ends[key][row] = value
+                ends[key][row] = value  # `new_obs` holds the next episode's first observation
         replay_buffer.add(self._last_obs, ends, buffer_action, reward, dones, infos)
         self._last_obs = new_obs
         if self._hidden is not None and dones.any():
@@ -281,6 +284,7 @@ def tensors(obs: Mapping[str, np.ndarray], layout: Layout, device: torch.device 
 
 
 def _mean(x: Tensor, weight: Tensor) -> Tensor:
+    """Return the mean of x, weighted."""
     return (x * weight).sum() / weight.sum().clamp_min(1)
 
 

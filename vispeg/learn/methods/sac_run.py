@@ -64,8 +64,8 @@ class SacRun:
         torch.set_num_threads(config.threads)
         self.config, self.folder, self.show = config, folder, show
         self.modality = modality_of(config.modality)
-        made_of = self.modality, config.world, config.sac, config.threads, folder / DIVERGED
-        self.make, self.make_judge = make or maker(*made_of, config.engine), make or maker(*made_of)
+        inputs = self.modality, config.world, config.sac, config.threads, folder / DIVERGED
+        self.make, self.make_judge = make or maker(*inputs, config.engine), make or maker(*inputs)
         self.course = Curriculum(config.stages, config.pass_rate)
         self.env, self.judge = self._environments()
         self.opening: Opening | None = None
@@ -76,17 +76,23 @@ class SacRun:
         if config.recipe != "distill":
             # an episode's end takes an entry of its own; episodes last ten steps or more
             entries = min(config.sac.replay, config.steps + config.steps // 10)
-            said = afford(entries, self.env.observation_space, self.env.action_space, "--replay", "replay")
+            memory = afford(entries, self.env.observation_space, self.env.action_space, "--replay", "replay")
             if show:
-                print(said, file=sys.stderr)
+                print(memory, file=sys.stderr)
         self.model = AsymmetricSAC(self.env, self.modality, config.sac, seed=config.seed, device=device)
         self.model.set_logger(Logger(None, []))
         if config.dataset is not None and config.recipe != "distill":
-            student, beside = (self.modality.name, self.model.actor.layout), self.model.replay.observation_space
-            told: Any = {"config": getattr(self.env.env, "config", None)}
-            self.model.demos = from_folder(config.dataset, *student, config.seed, self.model.device, beside, **told)
-        self.best: tuple[float, float] = (-1.0, 0.0)
-        self.reached = 0
+            self.model.demos = from_folder(
+                config.dataset,
+                self.modality.name,
+                self.model.actor.layout,
+                config.seed,
+                self.model.device,
+                beside=self.model.replay.observation_space,
+                config=getattr(self.env.env, "config", None),
+            )
+        self.best: tuple[float, float] = (-1.0, 0.0)  # success, and mean peak force in N with a minus sign
+        self.reached = 0  # number of latest evaluations in a row that reached the target
         self.recent: deque[tuple[bool, str]] = deque(maxlen=100)  # success and category of the last training episodes
         self.command = begun_by(folder) or command_line(sys.argv)
 
@@ -144,14 +150,13 @@ class SacRun:
             self._restart()
             while model.num_timesteps < c.steps and not self.ended:
                 goal = min((model.num_timesteps // c.every + 1) * c.every, c.steps)
-                more = goal - model.num_timesteps
-                model.learn(more, watch, log_interval=None, reset_num_timesteps=False)
+                model.learn(goal - model.num_timesteps, watch, log_interval=None, reset_num_timesteps=False)
                 outcomes = self.evaluate()
                 level = None if self.opening is None else self.opening.level
                 row = self.row(outcomes, time.monotonic() - started)
                 row["train_success"], row["level"] = watch.success, level
                 table.add(row)  # before the checkpoint: a resumed run drops later rows
-                self._note(row)
+                self._finish_evaluation(row)
                 record(logger, row, "eval", model.num_timesteps)
                 bar.say(line(row))
                 self._restart()
@@ -209,7 +214,7 @@ class SacRun:
             with new_folder(self.folder / "checkpoints" / place, overwrite=True, holds=None) as part:
                 save(part, self.model.actor, self.modality.name, self.meta(row))
 
-    def _note(self, row: Row) -> None:
+    def _finish_evaluation(self, row: Row) -> None:
         """Save the policy, update the curriculum, write the checkpoint."""
         success, last = row["success"], self.course.last
         self.keep(row, f"steps-{row['steps']}", last)
@@ -232,7 +237,7 @@ class SacRun:
     def meta(self, row: Row) -> Mapping[str, object]:
         """Return the entries of a policy's record on its origin."""
         origin = provenance(sys.argv, self.config.seed)
-        record = {
+        entries = {
             "command": self.command,
             "seed": self.config.seed,
             "recipe": self.config.recipe,
@@ -243,13 +248,15 @@ class SacRun:
             "versions": origin["versions"] | {"torch": torch.__version__},
         }
         world = describe(self.judge)
-        return record | world | (worlds(world, made_in(self.config.dataset)) if self.config.dataset is not None else {})
+        if self.config.dataset is None:
+            return entries | world
+        return entries | world | worlds(world, made_in(self.config.dataset))
 
 
 def line(row: Row) -> str:
     """Return a row of progress.csv as a line for the terminal."""
-    opened = "" if (level := row.get("level")) is None else f"  ranges {level:4.0%}"
+    ranges = "" if (level := row.get("level")) is None else f"  ranges {level:4.0%}"
     return (
         f"{row['steps']:>8} steps {row['seconds']:6.0f} s  success {row['success']:4.0%}  "
-        f"force {row['peak_force']:5.1f} N  stage {row['stage']}{opened}  {row['failures']}"
+        f"force {row['peak_force']:5.1f} N  stage {row['stage']}{ranges}  {row['failures']}"
     )
