@@ -329,6 +329,8 @@ def test_both_hidden_effects_are_named_and_none_where_there_is_none():
     assert named["contact_friction"]["scale"]["low"] <= 1.7 <= named["contact_friction"]["scale"]["high"]
     ladder = [rung["heldout_error"] for rung in found.record["ladder"]]
     assert ladder[-1] < 0.5 * ladder[0]
+    for e in found.record["effects"]:
+        assert ladder[-1] < e["without"] * found.record["noise_floor"]["value"] and 0.0 < e["explains"] < 1.1
     assert [e["effect"] for e in found.record["effects"]] == [e.effect for e in found.world.effects]
     nothing = diagnose_contact(World(), [recorded(), recorded((), 1, True)], [recorded((), 2)])
     assert nothing.record["verdict"] == "adequate" and not nothing.record["effects"]

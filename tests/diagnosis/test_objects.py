@@ -117,6 +117,8 @@ def test_the_hidden_effect_is_named_and_what_tosses_cannot_tell_is_said(cube):
     assert rows[0]["after"]["rms_m"] < 0.7 * rows[0]["before"]["rms_m"]
     ladder = [rung["heldout_error"] for rung in got.record["ladder"]]
     assert ladder == [rows[0][side]["rms_m"] for side in ("before", "after")], "the last rung is the model written"
+    assert got.record["effects"][0]["without"] == pytest.approx(ladder[0] / got.record["noise_floor"]["value"])
+    assert 0.5 < got.record["effects"][0]["explains"] <= 1.1
     refused = {c["effect"] for c in got.record["candidates"]}
     assert refused and "object_mass" not in refused, "what changes no toss is not fitted"
 

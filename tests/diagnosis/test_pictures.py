@@ -89,6 +89,8 @@ def test_an_offset_and_a_focal_error_are_named_and_fitted():
     assert errors[-1] < errors[0] / 5
     assert errors[-1] == record["channels"][0]["after"], "the last rung is the model written"
     assert found.world.cell == CELL.cell
+    for e in record["effects"]:
+        assert errors[-1] < e["without"] * record["noise_floor"]["value"] and 0.0 < e["explains"] < 1.1
     _check_silent(record)
 
 
@@ -290,6 +292,9 @@ def test_a_depth_camera_s_scale_is_named_and_nothing_else():
     (found,) = result.world.effects
     assert found.label == f"depth_scale({WRIST})"
     assert found.params["factor"].low <= 1.02 <= found.params["factor"].high
+    (named,), nominal, floor = result.record["effects"], result.record["ladder"][0], result.record["noise_floor"]
+    assert named["without"] == pytest.approx(nominal["heldout_error"] / floor["value"])
+    assert 0.5 < named["explains"] < 1.1, "its figures, of which some do not depend on it"
 
 
 @pytest.mark.slow

@@ -40,7 +40,12 @@ def test_a_hidden_effect_is_identified_with_its_size_and_the_error_falls_to_the_
     value = found.world.effects[0].params["damping"]
     assert value.low < 0.5 < value.high and value.value == pytest.approx(0.5, rel=0.01)
     errors = [rung["heldout_error"] for rung in found.record["ladder"]]
-    assert errors[0] > 100 * errors[-1] and errors[-1] == pytest.approx(found.record["noise_floor"]["value"], rel=0.1)
+    floor = found.record["noise_floor"]["value"]
+    assert errors[0] > 100 * errors[-1] and errors[-1] == pytest.approx(floor, rel=0.1)
+    (named,) = found.record["effects"]
+    assert named["without"] == pytest.approx(errors[0] / floor, rel=1e-9), "without it, it is the user's model"
+    fall = (errors[0] ** 2 - errors[-1] ** 2) / (errors[0] ** 2 - floor**2)
+    assert named["explains"] == pytest.approx(fall, abs=1e-4)
 
 
 def test_delays_that_the_encoder_cannot_tell_apart_are_ambiguous():

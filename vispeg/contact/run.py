@@ -34,6 +34,7 @@ from vispeg.diagnosis.beginning import Beginning, opened
 from vispeg.diagnosis.compare import Comparison
 from vispeg.diagnosis.conclusion.intervals import of_form, widened
 from vispeg.diagnosis.conclusion.rivals import find_rivals
+from vispeg.diagnosis.conclusion.shares import shares
 from vispeg.diagnosis.conclusion.verdict import decide
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.record import (
@@ -145,13 +146,15 @@ def diagnose_contact(
     )
     predicted = judged.simulated([world, state.world])
     recorded = {r.motion for r in (*fitted, *held_out)}
+    explained = shares(judge, state.world, n_fixed, before, after, floor=1.0)  # not of what was found without a search
+    found = effects(final, n_fixed, rivals, fitted_world, explained)
     unseen = [*not_excited(shows, recorded), *hit.unseen]
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "evidence": "contact",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": weighed.with_tool(entangled.beside(effects(final, n_fixed, rivals, fitted_world), together), tool),
+        "effects": weighed.with_tool(entangled.beside(found, together), tool),
         "ladder": ladder(evidence, judged, state, world),
         "noise_floor": {"value": judged.floor, "unit": "N RMS", "from": judged.floor_from},
         "where_it_fails": where_it_fails(judged, predicted),

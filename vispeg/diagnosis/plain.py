@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 from vispeg.diagnosis.compare import Comparison
+from vispeg.diagnosis.conclusion.shares import shares
 from vispeg.diagnosis.conclusion.verdict import decide
 from vispeg.diagnosis.record import (
     candidates,
@@ -91,6 +92,7 @@ def concluded(
     over_floor = (errors[0] / judged.floor, errors[1] / judged.floor)
     n_added = len(final.effects) - n_fixed
     after, floor = search.judge.mean(state.loss), search.judge.floor(state.world)
+    explained = shares(search.judge, state.world, n_fixed, state.first, after, floor)
     verdict = decide(state.first, after, n_added, rivals, [], floor, errors=over_floor)
     final = with_origin(final, n_fixed, *recordings, errors[0], errors[1], verdict.partial)
     search.say("working out what could not have been seen")
@@ -98,7 +100,7 @@ def concluded(
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": effects(final, n_fixed, rivals, state.world),
+        "effects": effects(final, n_fixed, rivals, state.world, explained),
         "ladder": ladder(evidence, judged, state, world),
         "noise_floor": {"value": judged.floor, "unit": f"{judged.unit} RMS", "from": judged.floor_from},
         "unexplained": verdict.unexplained,

@@ -7,7 +7,7 @@ errors.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import cast
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.beginning import ANEW
+from vispeg.diagnosis.conclusion.shares import Share
 from vispeg.diagnosis.findings import Rivals, Score, Trial
 from vispeg.diagnosis.schema import Candidate, Channel, Correlations, FoundEffect, JointError, Moved, Rung
 from vispeg.diagnosis.selection.state import State
@@ -71,11 +72,13 @@ def with_origin(
     return replace(world, effects=effects)
 
 
-def effects(world: World, n_fixed: int, rivals: Sequence[Rivals], fitted: World) -> list[FoundEffect]:
-    """Return the effects found, each with those that these recordings cannot tell from it.
+def effects(
+    world: World, n_fixed: int, rivals: Sequence[Rivals], fitted: World, explained: Mapping[str, Share]
+) -> list[FoundEffect]:
+    """Return the effects found, each with those that these recordings cannot tell from it, and what it explains.
 
     `fitted` is the same model with intervals due to noise alone; those of `world` count the error of the model's form
-    too.
+    too. `explained` has what is known of it by the effects' labels.
     """
     by_label = {r.label: r for r in rivals}
     out = []
@@ -91,6 +94,7 @@ def effects(world: World, n_fixed: int, rivals: Sequence[Rivals], fitted: World)
             **placed,
             "params": params,
             "indistinguishable_from": others,
+            **explained.get(e.label, {}),
         }
         out.append(cast("FoundEffect", entry))
     return out

@@ -12,6 +12,7 @@ from vispeg.diagnosis.beginning import of_joints
 from vispeg.diagnosis.conclusion.farthest import farthest
 from vispeg.diagnosis.conclusion.intervals import of_form, widened
 from vispeg.diagnosis.conclusion.next_experiment import next_experiment, repeated
+from vispeg.diagnosis.conclusion.shares import shares
 from vispeg.diagnosis.conclusion.shows_from import joints_show_from
 from vispeg.diagnosis.conclusion.subsets import subsets
 from vispeg.diagnosis.conclusion.verdict import decide, undecided, without_tentative
@@ -124,6 +125,7 @@ def diagnose(
         unsure = tentative(state, n_fixed, search.exchanges(state), rivals, far=worst > RULES.far)
     unsure |= {c.label for c in changing}
     verdict = without_tentative(verdict, rivals, unsure)
+    explained = shares(judge, state.world, n_given, before, after, floor)
     bare = judge.mean(judge.losses([begin.bare])[0])
     wrong = of_form(evidence, state.fit, bare, after, floor)
     final = with_origin(
@@ -157,7 +159,7 @@ def diagnose(
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": effects(final, n_given, rivals, state.world),
+        "effects": effects(final, n_given, rivals, state.world, explained),
         "ladder": ladder(evidence, judged, state, world, rung),
         "noise_floor": {
             "value": judged.floor,

@@ -20,10 +20,16 @@ class Place(TypedDict):
 
 
 class FoundEffect(Place):
-    """An added effect with its values (as in a model file) and the effects confounded with it."""
+    """An added effect with its values (as in a model file) and the effects confounded with it.
+
+    `without` is the held-out RMS error of the final model without it, the others unchanged, over the noise floor.
+    `explains` is how much larger the mean squared error then is, over the excess of the user's model above the floor.
+    """
 
     params: Mapping[str, Mapping[str, object]]
     indistinguishable_from: list[Place]
+    without: NotRequired[float]
+    explains: NotRequired[float]
     partial: NotRequired[bool]
     tentative: NotRequired[bool]
     channel: NotRequired[str]

@@ -9,6 +9,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.rules import RULES
+from vispeg.diagnosis.conclusion.shares import Share, by_label, each_left_out
 from vispeg.diagnosis.findings import Rivals
 from vispeg.diagnosis.pictures.borders import BorderSearch
 from vispeg.diagnosis.pictures.excited import border_excitations, motion_between, not_excited
@@ -98,6 +99,9 @@ def diagnose_pictures(
     sensed = []
     if of_borders.verdict != "unexplained":  # sensor effects can be identified only once the geometry fits
         sensed = sensor_search(scene, (mine, theirs), (evidence, judged), world, state.world, say, progress)
+    explained = _explained(judged, state.world, n_fixed, before, after)
+    for s in sensed:
+        explained |= s.explained
     alike = confounded(judged, state.world, rivals)
     verdict, rivals = with_sensor(of_borders, sensed), [*rivals, *(r for s in sensed for r in s.rivals)]
     fitted_world = state.world.add(*(e for s in sensed for e in s.added))
@@ -119,7 +123,7 @@ def diagnose_pictures(
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,
         "reason": verdict.reason + _joints_said(evidence.robot, fitted),
-        "effects": effects(final, n_fixed, rivals, fitted_world),
+        "effects": effects(final, n_fixed, rivals, fitted_world, explained),
         "ladder": rungs,
         "of": of,
         "noise_floor": floor,
@@ -156,6 +160,17 @@ def diagnose_pictures(
     for k, p in enumerate(maps):
         arrays |= {f"projection/{k}/{key}": getattr(p, key) for key in ("pixels", "shift", "sigma")}
     return Diagnosis(record, final, arrays)
+
+
+def _explained(judged: BorderEvidence, world: World, n_fixed: int, before: float, after: float) -> dict[str, Share]:
+    """Return what each added effect explains of the error of the borders, by its label.
+
+    As in the verdict, a squared error is that of the misplacement in px over the floor. `before` and `after` are the
+    misplacements by the user's model and by the final one, `world`.
+    """
+    floor = judged.floor
+    times = [error / floor for error in judged.errors(each_left_out(world, n_fixed))]
+    return by_label(world, n_fixed, times, [t**2 for t in times], (before / floor) ** 2, (after / floor) ** 2)
 
 
 def _lost(wide: Sequence[tuple[Sight, Points]]) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
+from vispeg.diagnosis.conclusion.shares import Share, by_label, each_left_out
 from vispeg.diagnosis.findings import Rivals
 from vispeg.diagnosis.pictures.excited import Excitation
 from vispeg.diagnosis.pictures.parts import in_parts
@@ -126,10 +127,27 @@ class Sensed:
         unit = "mm RMS" if metres else f"{self.judged.unit} RMS"
         rungs: list[Rung] = []
         for name, world in models:
-            fit, held = (e.depth_error(world) if metres else e.errors([world])[0] for e in (self.evidence, self.judged))
+            fit, held = (self._error(e, world) for e in (self.evidence, self.judged))
             rungs.append({"model": name, "fit_error": fit, "heldout_error": held, "unit": unit})
-        floor = self.judged.depth_floor if metres else self.judged.floor
-        return rungs, {"value": floor, "unit": unit, "from": self.evidence.floor_from}
+        return rungs, {"value": self._floor, "unit": unit, "from": self.evidence.floor_from}
+
+    @property
+    def explained(self) -> dict[str, Share]:
+        """What each found effect explains, by its label: its error is that of the ladder, its share that of figures."""
+        n_fixed, (before, after) = len(self.before.effects), self.errors
+        worlds = each_left_out(self.state.world, n_fixed)
+        times = [self._error(self.judged, world) / self._floor for world in worlds]
+        squares = [error**2 for error in self.judged.errors(worlds)]
+        return by_label(self.state.world, n_fixed, times, squares, before**2, after**2)
+
+    def _error(self, evidence: SensorEvidence, world: World) -> float:
+        """Return the error of a world in the ladder."""
+        return evidence.depth_error(world) if self.in_metres else evidence.errors([world])[0]
+
+    @property
+    def _floor(self) -> float:
+        """The noise floor of the ladder."""
+        return self.judged.depth_floor if self.in_metres else self.judged.floor
 
     @property
     def fall(self) -> str:
