@@ -75,7 +75,8 @@ print_summary(fit_summary(record))
 def test_what_compare_fit_diagnose_and_demo_print(columns):
     """As a process prints what took them seconds to minutes to find."""
     small = {"value": -7.237e-7, "low": -2.836e-6, "high": 1.389e-6, "unit": "m"}
-    friction = {"effect": "coulomb_friction", "where": "joint4", "params": {"torque": {"value": 1.2}}}
+    friction = {"effect": "coulomb_friction", "where": "joint4", "params": {"torque": {"value": 1.2}}, "without": 12.34}
+    friction["explains"] = 0.9321
     joint = {"joint": "joint7", "error": 1.234e-4, "floor": 2.04e-5, "unit": "rad RMS", "torque_error": 0.236}
     record = {
         "verdict": "identified",
@@ -98,6 +99,7 @@ def test_what_compare_fit_diagnose_and_demo_print(columns):
     cells = [row[k] for row in effect_rows(_record(record)) for k in ("value", "interval", "unit", "bound")]
     cells += [row[k] for row in ladder_rows(_record(record)) for k in ("model", "fit", "heldout", "floor")]
     cells += [cell for row in joints_table(record).rows for cell in row]
+    cells += ["93.2 % of the excess", "12 × the noise floor"]
     assert len(cells) > 15 and "at its bound" in cells
     assert not within(done.stdout, columns) and not whole(done.stdout, cells)
 

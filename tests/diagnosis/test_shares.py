@@ -1,5 +1,7 @@
-"""What each effect explains: the error without it is that of a model file without it."""
+"""What each effect explains: the error without it is that of a model file without it, and the page says the same."""
 
+import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -71,12 +73,17 @@ def test_where_the_user_s_model_is_at_the_floor_there_is_nothing_to_share():
 
 
 @pytest.mark.slow
-def test_of_two_found_effects_record_and_model_file_say_the_same(tmp_path):
+def test_of_two_found_effects_json_model_file_and_page_say_the_same(tmp_path):
+    from vispeg.report.build import read
+
     *fitted, held = swings(BOTH)
     found = diagnose(World(pendulum().source), fitted, [held], nthread=1, plan_next=False)
     record = found.record
     assert {e["effect"] for e in record["effects"]} == {e.effect for e in BOTH.effects}
+    (tmp_path / "diagnosis.json").write_text(json.dumps(record))
+    page = read(tmp_path)
     for k, e in enumerate(record["effects"]):
         without = times(compared_without(found.world, k, tmp_path, held))
         assert e["without"] == pytest.approx(without, rel=1e-3), "a model file has five digits"
         assert 0 < e["explains"]
+        assert f"explains {100 * e['explains']:.1f} % of the excess" in re.sub(r"\s+", " ", page)

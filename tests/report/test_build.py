@@ -296,6 +296,27 @@ def test_many_effects_come_as_one_table_and_what_stands_behind_it_is_closed(run,
     assert page.text.count("friction torque in motion and at rest") == count, "each still has its own table"
 
 
+@pytest.mark.parametrize("count", [1, 5])
+def test_page_and_terminal_say_what_each_effect_explains_and_nothing_of_an_older_record(run, diagnosis, count, capsys):
+    record = diagnosis()
+    friction = record["effects"][1]
+    record["effects"] = [friction | {"where": f"joint{i + 1}"} for i in range(count)]
+    assert "of the excess" not in _page(run(record)).text
+    print_summary(diagnosis_summary(record))
+    assert "Explains" not in capsys.readouterr().out
+    record["effects"][0] |= {"without": 12.34, "explains": 0.9321}
+    text = _page(run(record)).text
+    assert "It explains 93.2 % of the excess, the squared error of your model above the noise floor." in text
+    assert "Without it, the other effects unchanged, the held-out error is 12 × the noise floor." in text
+    assert ("named93.2 % of the excess; without it 12 × the noise floor" in text) == (count > 4)
+    assert ("named–" in text) == (count > 4), "the others do not say"
+    print_summary(diagnosis_summary(record))
+    said = capsys.readouterr().out.splitlines()
+    assert max(map(len, said)) <= 80
+    (row,) = [line for line in said if "of the excess" in line]
+    assert row.split() == "coulomb_friction(joint1) 93.2 % of the excess 12 × the noise floor".split()
+
+
 def test_the_page_says_first_what_to_record_next(run, diagnosis):
     text = _page(run(diagnosis())).text
     assert text.index("Next. Record slow triangle on joint4") < text.index("What was found", text.index("Next."))

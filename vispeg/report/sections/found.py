@@ -9,6 +9,7 @@ import numpy as np
 
 from vispeg.core.effect import REGISTRY
 from vispeg.core.params import Param
+from vispeg.diagnosis.scale import times
 from vispeg.report.drawings.strips import interval_strip, place
 from vispeg.report.record import Record, label, params_of, rows
 from vispeg.report.text import effect_words, words
@@ -27,6 +28,7 @@ def context(record: Record) -> Mapping[str, object]:
     return {
         "glance": [_glance(e) for e in sorted(everything, key=lambda e: bool(e.get("tentative")))],
         "folded": len(everything) > MOST_OPEN,
+        "shared": any(without(e) for e in everything),
         "effects": [_effect(e) for e in record.rows("effects") if not (e.get("partial") or e.get("tentative"))],
         "partial": [_effect(e) for e in partial if not e.get("tentative")],
         "tentative": [_effect(e) for e in everything if e.get("tentative")],
@@ -45,6 +47,18 @@ def sure(effect: Mapping[str, Any]) -> str:
     """Return the certainty of an effect: `named`, `tentative`, or `1 of 3` if two others explain the data as well."""
     others = len(rows(effect, "indistinguishable_from"))
     return "tentative" if effect.get("tentative") else f"1 of {others + 1}" if others else "named"
+
+
+def share(effect: Mapping[str, Any]) -> str:
+    """Return the share of the excess that an effect explains; empty if the record does not say."""
+    part = number(effect.get("explains"))
+    return "" if part is None else f"{100 * part:z.1f} % of the excess".replace("-", "−")
+
+
+def without(effect: Mapping[str, Any]) -> str:
+    """Return the held-out error without an effect; empty if the record does not say."""
+    error = number(effect.get("without"))
+    return "" if error is None else f"{times(error)} × the noise floor"
 
 
 def in_part(record: Record, effect: Mapping[str, Any]) -> bool:
@@ -80,16 +94,19 @@ def _effect(effect: Mapping[str, Any]) -> Mapping[str, object]:
         "label": label(effect),
         "what": effect_words.what(str(effect.get("effect"))),
         "rivals": words.join(others, "or"),
+        "share": share(effect),
+        "without": without(effect),
         "params": params,
         "remarks": any(row["remark"] for row in params),
     }
 
 
 def _glance(effect: Mapping[str, Any]) -> Mapping[str, object]:
-    """Return an effect as one row: name, values with intervals, and certainty."""
+    """Return an effect as one row: name, values with intervals, certainty, and what it explains."""
     others = [effect_words.named(other) for other in rows(effect, "indistinguishable_from")]
     sure = "tentative" if effect.get("tentative") else f"or {words.join(others, 'or')}" if others else "named"
-    return {"words": effect_words.named(effect), "params": _params(effect), "sure": sure}
+    named = {"words": effect_words.named(effect), "params": _params(effect), "sure": sure}
+    return {**named, "share": share(effect), "without": without(effect)}
 
 
 def bounds_of(effect: str, param: str) -> Param | None:

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.report.drawings.ladder import ladder_rows
-from vispeg.report.record import Record, rows
+from vispeg.report.record import Record, label, rows
 from vispeg.report.sections.channels import channel_row
-from vispeg.report.sections.found import correlations, effect_rows
+from vispeg.report.sections.found import correlations, effect_rows, share, without
 from vispeg.report.text import camera_words, contact_words, unseen, words
 from vispeg.report.text.quantities import fold, interval, quantity
 from vispeg.report.text.summary import Block, Line
@@ -44,6 +44,13 @@ def effects_table(diagnosis: Mapping[str, Any]) -> Sheet:
         line = [row["effect"], row["param"], row["value"], row["interval"] or "–", row["unit"]]
         cells.append(line + ([row["sure"]] if sure else []) + ([row["bound"]] if bound else []))
     return Sheet(columns, cells, keys=2)
+
+
+def shares_table(diagnosis: Mapping[str, Any]) -> Sheet | None:
+    """Return a table of effects: what each explains, and the error without it; None if the record does not say."""
+    cells = [[label(e), share(e) or "–", without(e) or "–"] for e in rows(diagnosis, "effects")]
+    columns = [Column("Effect"), Column("Explains"), Column("Error without it")]
+    return Sheet(columns, cells) if any(row[1:] != ["–", "–"] for row in cells) else None
 
 
 def restarts_table(diagnosis: Mapping[str, Any]) -> Sheet:
@@ -87,6 +94,8 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
         out.append(channels_table(diagnosis))
     if diagnosis.get("effects"):
         out.append(effects_table(diagnosis))
+        if (shares := shares_table(diagnosis)) is not None:
+            out.append(shares)
         if any(effect.get("partial") for effect in rows(diagnosis, "effects")):
             out.append(Line(words.PARTIAL))
         if unsure := words.tentative(diagnosis):
