@@ -49,7 +49,7 @@ class CalibrationResult(Result):
     calibration: boards.Calibration = field(repr=False)
     flange: np.ndarray | None = field(default=None, repr=False)
     sources: tuple[str | Path, ...] = ()
-    holds = "calibration"
+    holds = "calibration"  # class attribute, see `Result`
 
     @property
     def summary(self) -> list[Block]:

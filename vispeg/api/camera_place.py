@@ -48,7 +48,7 @@ class CameraPlace(Result):
     record: Mapping[str, Any]
     camera: Camera | None
     sources: tuple[str | Path, ...] = ()
-    holds = "calibration"
+    holds = "calibration"  # class attributes, see `Result`
     tables = ("rows",)
 
     @property

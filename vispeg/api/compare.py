@@ -43,7 +43,7 @@ class ComparisonResult(Result, Traced):
     record: Mapping[str, Any]
     arrays: Mapping[str, np.ndarray] = field(repr=False)
     sources: tuple[str | Path, ...] = ()
-    holds = "comparison"
+    holds = "comparison"  # class attributes, see `Result`
     tables = ("joints", "channels", "ladder")
 
     @property
@@ -52,6 +52,7 @@ class ComparisonResult(Result, Traced):
 
         NaN if the model diverged in all recordings.
         """
+        # the ladder has one error per model, here of one model; nothing is fitted, so all recordings are held out
         error = self.record["ladder"][-1]["heldout_error"]
         return float("nan") if error is None else error
 
@@ -85,7 +86,7 @@ class ComparisonResult(Result, Traced):
             expected = f"a number from 0 to {len(evidence.traces) - 1}"
             raise UserError("no such recording", expected=expected, got=recording)
         with styled(WIDE):
-            return trace_figure(evidence.traces[recording], evidence.joints, 1500, WIDE)
+            return trace_figure(evidence.traces[recording], evidence.joints, points=1500, shape=WIDE)
 
     def _write(self, folder: Path) -> None:
         write_comparison(folder, dict(self.record), dict(self.arrays))
@@ -134,11 +135,12 @@ def compare(
             arrays |= comparison.arrays
     others = {name: comparison for name, comparison in compared.items() if not comparison.pictures}
     if others:
-        record["by_channel"] = [
+        record["by_channel"] = [  # `given`: effects found in other channels, of which a comparison has none
             {"channel": name, "given": [], "record": other.record} for name, other in others.items()
         ]
     for name, other in others.items():
         arrays |= {f"channel/{name}/{key}": value for key, value in other.arrays.items()}
+    # adds the shapes of the arm, which the page draws
     with_arms(CHANNELS["joints"].part(inputs.world), arrays)
     if "pictures" not in used and not channels and (text := _unseen(inputs)):
         record["notes"] = [*record.get("notes", ()), text]

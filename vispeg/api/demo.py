@@ -52,7 +52,7 @@ class Demonstration(Result):
     hidden: Sequence[Hidden]
     pictures: Mapping[str, bytes]
     problem: str = ""
-    holds = "demonstration"
+    holds = "demonstration"  # class attribute, see `Result`
 
     @property
     def record(self) -> Mapping[str, object]:

@@ -54,7 +54,7 @@ class DiagnosisResult(Result, Traced):
     effects: tuple[EffectInstance, ...] = ()
     sources: tuple[str | Path, ...] = ()
     _progress: Progress | None = field(default=None, repr=False)
-    holds = "diagnosis"
+    holds = "diagnosis"  # class attributes, see `Result`
     tables = ("effects", "ladder")
 
     @property

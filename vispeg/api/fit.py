@@ -61,7 +61,7 @@ class FitResult(Result, Traced):
     sources: tuple[str | Path, ...] = ()
     arrays: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
     _checkpoint: Checkpoint | None = field(default=None, repr=False)
-    holds = "fit"
+    holds = "fit"  # class attributes, see `Result`
     tables = ("effects",)
 
     @property

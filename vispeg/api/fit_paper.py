@@ -44,7 +44,7 @@ class PaperFit(Result):
     paths: Mapping[str, tuple[np.ndarray, Mapping[str, np.ndarray]]] = field(repr=False)
     sources: tuple[str | Path, ...] = ()
     _checkpoint: Checkpoint | None = field(default=None, repr=False)
-    holds = "fit"
+    holds = "fit"  # class attribute, see `Result`
 
     @property
     def summary(self) -> list[Block]:

@@ -62,7 +62,11 @@ def _recorded(root: Path, poses: str | Path | None, camera: str) -> Photographs:
     place = flange_pose(robot, q)
     poses_of_frames = from_quaternion(place[:, :3], place[:, 3:])
     measured = np.flatnonzero(np.isfinite(q).all(axis=1))
-    flange = {file: poses_of_frames[i] for i in measured if isinstance(file := frames[int(i)].rgb_source, Path)}
+    flange: dict[Path, np.ndarray] = {}
+    for i in measured:
+        file = frames[int(i)].rgb_source
+        if isinstance(file, Path):  # None for a frame without colour
+            flange[file] = poses_of_frames[i]
     if not flange:
         raise UserError("no colour frames at measured joint angles", file=root)
     by_name = {file.name: pose for file, pose in flange.items()}

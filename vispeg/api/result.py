@@ -41,7 +41,7 @@ class Result(ABC):
     """A result with a summary; a notebook shows it as tables, `print` as text.
 
     Attributes:
-        holds: the kind of folder that `save` writes, see `vispeg.core.marker`.
+        holds: the kind of folder that `save` writes, see `vispeg.core.marker`; set by each class of results.
         tables: keys of `record` that hold a table; `to_pandas` returns the first of them that is not empty.
         sources: files and folders that were read, which `save` never replaces.
     """

@@ -172,7 +172,7 @@ def command(
     """Make a command from the decorated function, which shows the result; its own parameters are options too.
 
     Args:
-        function: MODULE:FUNCTION that the command calls, whose parameters are options.
+        function: MODULE:FUNCTION that the command calls, whose parameters are options; "" if it calls none.
         positional: names of the parameters that are positional arguments, in order.
         also: MODULE:NAME of other functions or dataclasses whose parameters are options.
         special: parameter -> its option if that differs from the default, or None for no option.

@@ -8,7 +8,7 @@ from pathlib import Path
 from vispeg.cli.command import Call, command
 
 
-@command("", "sources")
+@command("", "sources")  # calls no function of `vispeg.api`; SOURCES is positional
 def view(
     call: Call,
     sources: tuple[str, ...] = (),

@@ -60,7 +60,7 @@ def _apart(
     for r in rivals:
         chosen = next(e for e in world.effects if e.label == r.label)
         for t in r.equals:
-            for motion in apart(chosen, t.score.key[0]):
+            for motion in apart(chosen, t.score.placed.effect):
                 yield motion, f"tells {r.label} from {t.score.label}"
 
 
@@ -72,13 +72,16 @@ def _shows(unseen: Sequence[NotExcited]) -> Iterator[tuple[str, str]]:
 
 
 def apart(chosen: EffectInstance, other: str) -> list[str]:
-    """Return the motions that distinguish two effects, the one for the largest parameter first; empty if none does."""
+    """Return the motions that distinguish two effects, the one for the largest parameter first; empty if none does.
+
+    Effects declare them: `told_from` by the other effect, `told_by` by the largest parameter (see `Effect`).
+    """
     kind = effect(chosen.effect)
     by_kind = [kind.told_from.get(other), effect(other).told_from.get(chosen.effect)]
+    if not any(by_kind):  # `told_by` only refines `told_from`
+        return []
     sizes = {k: abs(kind.params[k].start - kind.params[k].null) or 1.0 for k in chosen.params}
     away = {k: abs(v.value - kind.params[k].null) / sizes[k] for k, v in chosen.params.items()}
     largest = max(away, key=lambda k: away[k])
-    if not any(by_kind):
-        return []
     by_size = kind.told_by.get(largest)
     return list(dict.fromkeys(m for m in (by_size, *by_kind) if m))

@@ -36,7 +36,7 @@ class FoundEffect(Place):
 
 
 class Rung(TypedDict):
-    """RMS error of one model of the ladder, from the user's to the final one.
+    """RMS error of one model of the ladder, from the user's to the final one; a comparison has the user's only.
 
     `fit_error` is None if nothing was fitted, `heldout_error` if every rollout diverged.
     """

@@ -273,6 +273,7 @@ def ramps(trace: Trace) -> list[tuple[int, int, float]]:
     digit = 2e-6 / trace.period  # rad/s, of commands written to six decimals
     out, start = [], 0
     for k in range(1, len(speed) + 1):
+        # over many rows the slope between the ends, nearly the mean speed but as quick for any number of rows
         mean = (
             speed[start:k].mean()
             if k - start < 40
@@ -280,6 +281,7 @@ def ramps(trace: Trace) -> list[tuple[int, int, float]]:
         )
         if k < len(speed) and abs(speed[k] - mean) <= digit + 0.05 * abs(mean):
             continue
+        # a mean speed that rounding of a resting command can make is no ramp; over more than 20 rows that speed falls
         if trace.time[k] - trace.time[start] >= RAMP and abs(mean) > 2 * digit / max(1, (k - start) / 20):
             out.append((start, k, float(mean)))
         start = k

@@ -200,6 +200,7 @@ def _read(
     if mesh.volume >= (1 - CONVEX) * mesh.convex_hull.volume:
         pieces: tuple[np.ndarray, ...] = (np.array(mesh.vertices),)
     else:
+        # a number other than 1 makes the pieces in the cache invalid
         digest = hashlib.sha256(Path(file).read_bytes() + repr((1, scale, concavity)).encode()).hexdigest()
         pieces = _pieces(np.array(mesh.vertices), np.array(mesh.faces), concavity, digest, key)
     mesh.apply_translation(-start)
@@ -246,8 +247,8 @@ def _pieces(vertices: np.ndarray, faces: np.ndarray, concavity: float, digest: s
 def play(peg: np.ndarray, block: np.ndarray) -> float:
     """Return the least distance of corners from segments between the outlines of peg and block, m.
 
-    It is negative if the areas overlap; its size is then no depth. It is `FAR` if the block has no segment within about
-    that distance, and infinite if an outline is empty.
+    It is negative if the areas overlap, but then its size is not the depth of overlap. It is `FAR` if no segment of the
+    block is within about `FAR` of the peg, and infinite if an outline is empty.
 
     Args:
         peg, block: x and y of the ends of the outlines' segments in the same frame, (n, 2, 2) and (m, 2, 2) m.

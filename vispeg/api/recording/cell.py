@@ -55,13 +55,13 @@ def cell_motion(
     Raises:
         UserError: no such motion or file, or a motion that the arm cannot make.
     """
-    belief = model_cell(world)
+    cell = model_cell(world)
     if Path(name).suffix:
-        return table.read(Path(name), belief.scene.joints, rate_hz, force_limit)
-    paths = task_of(belief.config).motions
+        return table.read(Path(name), cell.scene.joints, rate_hz, force_limit)
+    paths = task_of(cell.config).motions
     if name not in paths:
         raise UserError("not a motion of a cell", key="--motion", got=name, choices=(*paths, EXPERT))
-    commanded = motion(name, belief.scene, belief.config, rate_hz, stream(seed, "record", name), paths)
+    commanded = motion(name, cell.scene, cell.config, rate_hz, stream(seed, "record", name), paths)
     return commanded if force_limit is None else replace(commanded, force_limit=force_limit)
 
 
@@ -109,7 +109,10 @@ def record_in_cell(
 
 
 def names(space: str | None = None, model: str | None = None) -> list[str]:
-    """Return the names of motions for a model, all or those of one space (`joint`, `contact`, `cell`)."""
+    """Return the names of motions for a model, all or those of one `space`.
+
+    The spaces are `joint`, `contact`, and `cell`: the motions for cameras.
+    """
     world = None if model is None else read_model(model)
     contact = [name for name in motions_of(world) if name != EXPERT]  # this one is a policy, not a path
     spaces = {"joint": [*JOINT], "contact": contact, "cell": [*LOOKS]}
@@ -123,7 +126,7 @@ def commands(
 
     Args:
         model: the model of the robot or cell.
-        name: name of the motion.
+        name: one of `names(model=model)`.
         rate_hz: rate of commands, Hz.
         seed: seed of the motion.
         duration: duration of a joint motion or a motion for cameras, s.
@@ -135,12 +138,13 @@ def commands(
         UserError: no such motion or model, or one that the arm cannot make.
     """
     world = read_model(model)
+    # a name that joint and contact motions share, as `mix`, is the contact motion for a model with a cell
     if name in motions_of(world) and (world.cell is not None or name not in JOINT):
-        commanded, belief = cell_motion(world, name, rate_hz=rate_hz, seed=seed), model_cell(world)
-        stiffness = commanded.stiffness or belief.config.stiffness
-        force_limit = commanded.force_limit or belief.config.force_limit
+        commanded, cell = cell_motion(world, name, rate_hz=rate_hz, seed=seed), model_cell(world)
+        stiffness = commanded.stiffness or cell.config.stiffness
+        force_limit = commanded.force_limit or cell.config.force_limit
         commanded = replace(commanded, stiffness=stiffness, force_limit=force_limit)
-        return table.text(commanded, belief.scene.joints), float(commanded.time[-1]), commanded
+        return table.text(commanded, cell.scene.joints), float(commanded.time[-1]), commanded
     if name in LOOKS:
         scene = scene_of(world)
         joints, moved = scene.joints, look_motion(name, scene, rate_hz, LOOK_S if duration is None else duration)

@@ -77,7 +77,7 @@ class Checks(Result):
     pages: Sequence[Examined]
     drawings: Mapping[str, bytes]
     sources: tuple[str | Path, ...]
-    holds = "check"
+    holds = "check"  # class attribute, see `Result`
 
     @property
     def record(self) -> Mapping[str, object]:

@@ -34,7 +34,7 @@ class SimulatedRecording(Result):
     scaled: Mapping[str, float] = field(default_factory=dict)
     table: Literal["csv", "parquet"] = "csv"
     sources: tuple[str | Path, ...] = ()
-    holds = "recording"
+    holds = "recording"  # class attribute, see `Result`
 
     @property
     def record(self) -> Mapping[str, object]:

@@ -35,7 +35,7 @@ class VersionsResult(Result):
 
     record: Mapping[str, Any]
     sources: tuple[str | Path, ...] = ()
-    holds = "compare"
+    holds = "compare"  # class attribute, see `Result`
 
     @property
     def alarm(self) -> bool:

@@ -72,8 +72,8 @@ def decide(
         return Verdict("unexplained", text, rest, partial=True)
     if not n_added:
         text = f"the held-out error is {times(last)} × the noise floor"
-        drowned = _of_readings(floor) if after <= floor else ""
-        return Verdict("adequate", text + (drowned or " and no effect lowers it"))
+        coarse = _of_readings(floor) if after <= floor else ""
+        return Verdict("adequate", text + (coarse or " and no effect lowers it"))
     names = [r.label for r in rivals if r.equals]
     if names:
         return Verdict("ambiguous", confounded(names), partial=not at_floor)
@@ -95,7 +95,11 @@ def decide(
 
 
 def undecided(roles: Roles) -> Verdict:
-    """Return the verdict where one recording alone shows what the model lacks."""
+    """Return the verdict where one recording alone shows what the model lacks.
+
+    Args:
+        roles: with the name of that recording, `alone`, and the sentence on it, `note`.
+    """
     rest = {"depends_on": [], "text": roles.note, "explained_share": 0.0, "shows_in": roles.alone}
     return Verdict("unexplained", roles.note, rest, partial=True)
 

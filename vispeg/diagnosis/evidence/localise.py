@@ -1,7 +1,7 @@
 """Locate where the model fails: the missing torque of each joint, by regime.
 
 Missing torque is what must be added to the model's joint torques so that it moves as measured. A regime is a kind of
-motion: velocity reversal, high speed, high load or steady motion.
+motion: velocity reversal, high speed, high load or steady motion. An item is one compared stretch of a recording.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingT
     nominal = Nominal(compiled(item.robot), item.robot.joints, item.robot.flange, m, 1)
     mass, _, _, _, gravity = nominal.operational(q)
     control = seg.control
-
+    # apparent inertia (nj,) kg m^2, the least over at most 31 samples, for the observer's spring
     inertia = np.min(1.0 / np.diagonal(np.linalg.inv(mass[:: max(1, m // 16)]), axis1=1, axis2=2), axis=0)
 
     def torque(d: np.ndarray) -> np.ndarray:
@@ -92,6 +92,7 @@ def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingT
         d, rate, acc = smooth(seg.time, d, CUTOFF_HZ)
         if control.mode == "position":
             return np.einsum("nij,nj->ni", mass, acc) + control.kd * rate + control.kp * d
+        # kp and kd act in proportion to inertia; the observer has in each joint a spring and a damper besides
         kp, kd, spring, damper = OBSERVER**2, 2 * OBSERVER, *observer_spring(item.robot, inertia)
         if control.mode == "osc":
             kp, kd, spring, damper = *_mean_gains(control), 0.0, 0.0
@@ -234,8 +235,9 @@ def maps(
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Return for each axis the cells' edges (k+1,) and the RMS missing torque over its noise (nj, k), NaN if empty.
 
-    The cells are those of `over`, the missing torques of the same samples under another model; by default their own. A
-    model's load is its own where torques are compared, so only with `over` are two models' cells the same samples.
+    The cells are those of `over`, the missing torques of the same samples under another model; by default their own.
+    Where torques are compared, load is the torque that the model predicts, so two models put a sample into different
+    cells of load. To compare their maps, pass the same `over` for both.
     """
     z = np.concatenate([(k.excess / k.sigma) ** 2 for k in missing])
     out = {}

@@ -30,7 +30,7 @@ class Judge:
         valid: (n,) whether an entry counts.
         size: (nblock, nj) number of valid readings.
         stretch: (nblock,) stretch of correlated errors to which a block belongs (`Evidence.stretches`).
-        last: last fit asked about (`cross.on_held_out`), and the same with its values on this evidence.
+        last: cache of `cross.on_held_out`: its last fit, and that fit with residual and derivatives on this evidence.
     """
 
     def __init__(self, evidence: Evidence):
@@ -88,7 +88,7 @@ class Judge:
         if crossed is not None:
             fitted = (crossed[0] - crossed[1]).sum(axis=1)
             tested = np.concatenate([tested, fitted[fitted != 0]])
-        tested = tested[self.evidence.tells(tested)]
+        tested = tested[self.evidence.tells(tested)]  # without differences too small to distinguish the worlds
         joints = diff.sum(axis=0) / np.maximum(before.sum(axis=0), 1e-12)
         return Gain(mean, _z(tested), mean / max(self.mean(before), 1e-12), joints)
 

@@ -48,9 +48,9 @@ class ServoLoop:
 
         Args:
             goal, q, dq: (nsim, nj) goal in rad, angle in rad and velocity in rad/s that the loop reads.
-            inertia: (nsim, nj) reference inertia J, kg m^2.
+            inertia: (nsim, nj) reference inertia J, kg m^2, which sets the gains.
             last: (nsim, nj) N m, the torque of the last step; None at the first.
-            x: the state of the batch.
+            x: the state of the batch; its `inertia` is the least apparent one over the motion.
         """
         kp, kd, ahead = inertia * self.frequency**2, 2.0 * inertia * self.damping * self.frequency, 0.5 * x.h
         error = self.gain * goal - q - ahead * dq

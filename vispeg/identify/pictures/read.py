@@ -50,6 +50,7 @@ def comparable(rec: Recording) -> bool:
 
 def _with_angles(rec: Recording, frames: Frames) -> np.ndarray:
     """Return the indices (n,) of the frames whose joint angles are known, whatever the delay of the camera."""
+    # the bounds of the delay, and `INSTANT` farther for the finite difference of a pixel's speed
     asked = (0.0, -DELAYS.max() - INSTANT, -DELAYS.min() + INSTANT)
     known = [np.isfinite(joints_at(rec, frames.times + t, frames.episodes)).all(1) for t in asked]
     return np.flatnonzero(np.all(known, axis=0))
@@ -87,6 +88,7 @@ def _sight(rec: Recording, name: str, frames: Frames) -> Sight:
         return None if rgb is None or board is None else view_of_board(rgb, board)
 
     def again(i: int) -> np.ndarray | None:
+        """Return the depth (H, W) m of another frame of the same standstill; None if there is none."""
         other = _held(q, episodes, int(rows[i]))
         return None if other is None else frames[other].depth
 
@@ -96,7 +98,9 @@ def _sight(rec: Recording, name: str, frames: Frames) -> Sight:
 
 
 def _held(q: np.ndarray, episodes: np.ndarray, row: int) -> int | None:
-    """Return the frame farthest in time from another in the same standstill, later if possible; None if there is none.
+    """Return the index of another frame of the same standstill as `row`; None if there is none.
+
+    It is the last frame of the standstill, or the first if `row` is the last.
 
     Args:
         q: (n, nj) rad, joint angles at each frame; NaN if unknown.

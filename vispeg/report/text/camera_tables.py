@@ -9,6 +9,7 @@ from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
 
 DEGREES = 57.29578  # per radian
+# key of a view -> column; `render.calibration.results.ViewRow` defines the three
 HEADS = {"reprojection_px": "reprojection px", "through_robot_px": "through robot px", "misfit": "misfit sigma"}
 
 
@@ -18,6 +19,7 @@ def calibration_summary(results: Mapping[str, Any]) -> list[Block]:
     columns = [Column("image"), *(Column(head, right=True) for head in ("corners", *(HEADS[k] for k in keys)))]
     views = [[row["file"], str(row["corners"]), *(f"{row[key]:.2f}" for key in keys)] for row in results["views"]]
     numbers = [Column(head) for head in ("what", "value", "95 %", "unit")]
+    # `path` also keeps a line of numbers from being wrapped
     blocks: list[Block] = [Sheet(numbers, _numbers(results)), Sheet(columns, views), Line(_line(results), path=True)]
     blocks += [Line(_effect(e)) for e in results.get("effects", [])]
     return blocks + [Line(f"  ! {note}", path=True) for note in results["notes"]]

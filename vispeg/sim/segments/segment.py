@@ -126,7 +126,8 @@ def start_state(time: np.ndarray, q: np.ndarray, sigma: np.ndarray) -> tuple[np.
 
     Args:
         time: (n,) s, increasing; n >= 2.
-        q: (n, nj) rad, readings without gaps, not interpolated: each counts as one with noise of its own.
+        q: (n, nj) rad, readings at these times, not resampled, as each counts as one with noise of its own; missing
+            ones are bridged.
         sigma: (nj,) rad, white noise.
     """
     smoothed = smooth(time[: 2 * FEWEST], q[: 2 * FEWEST], START_HZ)
