@@ -98,7 +98,7 @@ def confounded(judged: BorderEvidence, world: World, rivals: Sequence[Rivals]) -
     out = []
     for r in rivals:
         for t in r.equals:
-            names = r.label.split("(")[0], t.score.key[0]
+            names = r.label.split("(")[0], t.score.placed.effect
             optical = all(effect(name).family in OPTICAL for name in names)
             maps = projections(judged.geometry, world, t.fit.world, None) if optical else []
             row = {"effect": r.label, "rival": t.score.label, "views_px": round(judged.change(world, t.fit.world), 3)}

@@ -223,7 +223,7 @@ def _next(rivals: Sequence[Rivals]) -> NextMotion | None:
     """Return the motion that would distinguish the first effect with equals from these; None if no effect has any."""
     for r in rivals:
         if r.equals:
-            others = [t.score.key[0] for t in r.equals]
+            others = [t.score.placed.effect for t in r.equals]
             motion = motion_between(r.label.split("(")[0], others)
             why = f"tells {r.label} from {', '.join(t.score.label for t in r.equals)}"
             return {"motion": motion, "why": why}

@@ -78,7 +78,7 @@ class Search(Loop, Shown, Proposals):
         An exchange adds no effect, so errors of the laws' form do not favour it: it is tried wherever more than noise
         is left, also where no further effect would be added (`worth_it`).
         """
-        if state.fit is None or state.drowned or self._at_floor(state.world, state.loss):
+        if state.fit is None or state.within_noise or self._at_floor(state.world, state.loss):
             return False
         score = self.swap(state)
         if score is None:
@@ -106,8 +106,8 @@ class Search(Loop, Shown, Proposals):
         If `n_fixed` is None, none is refitted.
         """
         residual, loss = self.evidence.residuals([world])[0], self.judge.losses([world])[0]
-        drowned = within_noise(self.judge.evidence, world)
-        state = State(world, loss, residual, first=self.judge.mean(loss), drowned=drowned)
+        noise_alone = within_noise(self.judge.evidence, world)
+        state = State(world, loss, residual, first=self.judge.mean(loss), within_noise=noise_alone)
         if n_fixed is not None and n_fixed < len(world.effects):
             self.say(f"fitting {len(world.effects) - n_fixed} partial effects of the model anew")
             # one iteration evaluates the given values, which are kept if the held-out recordings prefer them
@@ -136,7 +136,7 @@ class Search(Loop, Shown, Proposals):
         """Return whether an addition is allowed, and enough error is left above the floor for a candidate to pass."""
         excess = self.judge.mean(state.loss) - self.judge.floor(state.world)
         enough = excess > RULES.at_floor - 1.0 and (state.fit is None or excess > self.least_share * state.scale)
-        return enough and not state.drowned and super().worth_it(state, n_fixed)
+        return enough and not state.within_noise and super().worth_it(state, n_fixed)
 
     def offers(self, state: State, n_fixed: int) -> list[Trial]:
         """Screen the library against the state, fit and judge the best candidates; those that pass come first.

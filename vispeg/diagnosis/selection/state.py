@@ -35,8 +35,8 @@ class State:
         cross: cross-fitted loss on the fitted recordings (`Cross`).
         tried_removals: removals of suspected aliases that were tried: label of the world, then of the removed effects.
         slight: labels of effects that lower the held-out error, but by no visible share (`prune`).
-        drowned: whether the first error is no larger than what noise in the feedback makes (`within_noise`); then
-            nothing is added.
+        within_noise: whether the first error is no larger than what noise in the feedback makes
+            (`noise_motion.within_noise`); then nothing is added.
         rivals: of the accepted effects, when a replacement was last tried.
         replaced: number of effects that a better rival has replaced since the start.
         concluded: whether the search made its last revision (`ContactSearch`), so that no move follows.
@@ -54,7 +54,7 @@ class State:
     cross: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     tried_removals: set[tuple[str, ...]] = field(default_factory=set)
     slight: frozenset[str] = frozenset()
-    drowned: bool = False
+    within_noise: bool = False
     rivals: Sequence[Rivals] = ()
     replaced: int = 0
     concluded: bool = False
