@@ -62,9 +62,8 @@ class CameraPlace(Result):
             rows.append([f"turn about its {axis}", "", f"+- {np.degrees(half):.2g}", "deg"])
         rows.append(["quaternion wxyz", " ".join(f"{value:.4f}" for value in eye["quat_wxyz"]), "", ""])
         error = eye["robot_error"]
-        left = (
-            f"{len(self.record['rows'])} poses; left are about {error['mm']:.2g} mm and {error['deg']:.2g} deg an axis"
-        )
+        size = f"{error['mm']:.2g} mm and {error['deg']:.2g} deg an axis"
+        left = f"{len(self.record['rows'])} poses; the robot's own error is about {size}"
         out: list[Block] = [Sheet([Column(head) for head in ("what", "value", "95 %", "unit")], rows), Line(left)]
         return out + [Line(note, warning=True) for note in self.record["notes"]]
 
@@ -122,7 +121,8 @@ def _interpretations(table: Table, robot: str | None, form: str | None) -> tuple
             ways = poses_of(table, columns, form)
             both.append([(_matrix(p, turn), f"{whose} {assumed}" if assumed else "") for p, turn, assumed in ways])
         flange, tag = both
-        usual = [way for way in flange if _reached(way[0]) and "in cm" not in way[1]]  # cm must be stated in the header
+        # cm that the header does not state are tried only if no other unit gives poses in reach
+        usual = [way for way in flange if _reached(way[0]) and "in cm" not in way[1]]
         return usual or flange, tag
     model = load(placed(robot))
     combined: list[Readings] = readings(table, model.joints, form)
@@ -150,9 +150,10 @@ def _reached(flange: np.ndarray) -> bool:
 
 
 def _matrix(position: np.ndarray, turn: np.ndarray | None) -> np.ndarray:
+    assert turn is not None  # tables without orientation have been refused
     out = np.tile(np.eye(4), (len(position), 1, 1))
     out[:, :3, 3] = position
-    out[:, :3, :3] = np.eye(3) if turn is None else turn
+    out[:, :3, :3] = turn
     return out
 
 

@@ -52,7 +52,9 @@ def diagnose_tosses(
     say: Callable[[str], None],
     part: Path | None = None,
 ) -> Tosses:
-    """Name the effects that an object's contact lacks; arguments as for `vispeg.diagnose`.
+    """Name the effects that an object's contact lacks.
+
+    Arguments are as for `vispeg.diagnose`; `part` is the folder that keeps finished steps.
 
     Raises:
         UserError: no recordings, one on both sides, of another object, or effects that have no place on it.

@@ -15,7 +15,7 @@ POINTS = 4000  # sampled points of a surface, about 2 mm apart on a part of 0.1 
 PIXELS = 400  # points near a part, drawn at random from a picture; their median is known to a twentieth of the scatter
 FEWEST = 20  # fewest points near a part's surface from which a distance is taken
 NEAR = 0.02  # m; a point farther from the surface belongs to something else
-LEAST = 1e-3  # m; a late picture's error exceeds this, by which errors of usual depth sensors do not change
+LEAST = 1e-3  # m; errors of usual depth sensors change by less, so a late picture's error must exceed it
 SPREADS = 4.0  # plus this many standard deviations of the distances
 
 

@@ -16,7 +16,7 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
 from vispeg.evaluation import senses, statistics
 from vispeg.evaluation.bridge import bridge
-from vispeg.evaluation.categories import part
+from vispeg.evaluation.categories import part as compare_failures
 from vispeg.evaluation.gap import worth_row
 from vispeg.evaluation.jobs import FIRST_SEED
 from vispeg.evaluation.measures import APART
@@ -67,7 +67,7 @@ def summarise(
         replayed: one replay of each trial's actions, kept as a trial.
         causes: label -> effects that were added in the replays of that kind.
         notes: further notes for the record.
-        parted: for each trial, how its actions move with simulated senses; empty if that was not asked for.
+        parted: for each trial, how far its actions move if one sense at a time is simulated; empty if not asked for.
         repeats: the arm's pose repeatability, mm.
     """
     y = np.array([t.said.outcome.success for t in trials], float)
@@ -75,8 +75,9 @@ def summarise(
     won = {kind: np.array([e.success for e in ends]).reshape(len(y), -1) for kind, ends in played.items()}
     mean = {kind: replays.mean(axis=1) for kind, replays in won.items()}
     tried = [_episode(policy, t, i) for i, t in enumerate(trials)]
-    once = [replace(e, train_seed=0) for e in played[CLOSED][:: won[CLOSED].shape[1]]]  # the first replay of each trial
-    kinds = part(_ends(once, "simulation"), _ends(tried, "robot"), stream(0, "categories", policy))
+    # the first replay of each trial, as the same network 0 that `_episode` gives the trials
+    once = [replace(e, train_seed=0) for e in played[CLOSED][:: won[CLOSED].shape[1]]]
+    kinds = compare_failures(_ends(once, "simulation"), _ends(tried, "robot"), stream(0, "categories", policy))
     measures = compare_measures(once, tried)
     tests: dict[tuple[str, str], Hypothesis | Difference] = {("gap", ""): _difference(mean[CLOSED], y)}
     tests |= {("failures", name): test for name, test in kinds.tests.items()}
@@ -115,7 +116,7 @@ def summarise(
         "moment": senses.moment(trials, parted, _shown(exchanged)) if parted else None,
         "worth": worth_row(y, mean[CLOSED]),
         "left": _alone(mean[everything(causes)], y),
-        "remainder": None,
+        "remainder": None,  # the caller fills in this, `bridge`, `steps` and `next`
         "bridge": bridge(None, None),
         "steps": [],
         "next": None,
@@ -125,7 +126,7 @@ def summarise(
 
 
 def _shown(exchanged: Sequence[Sense]) -> str:
-    """Return the sense whose moment is shown: pictures if there are any, since people can see them, else the first."""
+    """Return the sense whose moment of largest effect is shown: pictures if any, which people can see, or the first."""
     names = [row["sense"] for row in exchanged]
     return senses.PICTURES if senses.PICTURES in names else names[0]
 
@@ -146,7 +147,7 @@ def _ends(episodes: Sequence[Episode], side: str) -> dict[int, dict[Hashable, st
 
 
 def _difference(first: np.ndarray, second: np.ndarray) -> Difference:
-    """Compare success per trial (n,) on two sides; the trial is the unit."""
+    """Compare success per trial (n,) on two sides; the trial is the unit, so no pairs of episodes are counted."""
     sides: list[Rows] = [{0: {i: float(x) for i, x in enumerate(side)}} for side in (first, second)]
     return replace(statistics.difference(sides[0], sides[1], same_networks=True), discordant=None)
 
@@ -163,7 +164,7 @@ def _alone(first: np.ndarray, second: np.ndarray) -> Interval:
 
 
 def _signs(effects: Sequence[EffectInstance], rules: Sequence[Rule], exchanged: Sequence[Sense]) -> list[str]:
-    """Return, in words, the rules and senses that point to what these effects change."""
+    """Return, in words, the rules that speak and senses that point to something, if these effects change it."""
     changed = {sign for e in effects for sign in _shows(e.effect)}
     return [
         *(f"{r['rule']} {r['value']:.3g} {r['unit']}" for r in rules if r["speaks"] and r["points_to"] in changed),
@@ -264,7 +265,7 @@ def _cause(
         "verdict": decision.verdict,
         "share": None if share is None else share.to_json(),
         "points_to_it": [],
-        "cure": "",
+        "cure": "",  # the caller fills in this and `hours`
         "hours": None,
         "words": words,
     }

@@ -48,6 +48,8 @@ class Kept:
         origin = {"modality": who.modality, "world": world, "world_hash": world_hash, "policy": who.digest}
         sim = vec.sim
         self.interface = interface_of(vec.config, sim.scene, vec.obs_mode, vec.cameras, self.images, **origin)
+        # by row: wrench of the last tick, (6,) N and N m in flange axes, and control periods since the reset
+        self._felt, self._ticks = np.zeros((self.num_envs, 6)), np.zeros(self.num_envs, int)
         self._tapes: dict[int, Tape] = {}
         self._starts: dict[int, StartPart] = {}
 
@@ -57,12 +59,10 @@ class Kept:
         self._seen, sim = result[0], self.vec.sim
         rows = np.flatnonzero((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=bool)))
         goal = sim.cell.site_position("goal")
-        if not self._tapes:
-            self._felt, self._ticks = np.zeros((self.num_envs, 6)), np.zeros(self.num_envs, int)
         turn = sim.seen.chain.rotation(sim.seen.measured[0])
         for row in rows.tolist():
             self._ticks[row], self._felt[row] = 0, 0.0
-            self._felt[row, :3] = turn[row].T @ sim.seen.weight
+            self._felt[row, :3] = turn[row].T @ sim.seen.weight  # the tool's weight, until a tick has measured
             self._tapes.pop(row, None)
             if int(sim.seeds[row]) in self.seeds:
                 self._tapes[row] = Tape(self.interface)
@@ -79,13 +79,15 @@ class Kept:
         sim, acting = self.vec.sim, True  # the policy acts in the step's first control period
 
         def heard(q: np.ndarray, dq: np.ndarray, felt: np.ndarray) -> None:
+            """Record a control period: `felt` comes at its end, so q and dq are recorded with the wrench before."""
             nonlocal acting
             for row, tape in self._tapes.items():
                 target = np.concatenate([sim.seen.goal[row], sim.seen.rot[row]])
                 time = self._ticks[row] * self.config.control_period
                 tape.tick(time, q[row], dq[row], self._felt[row], target)
                 if acting:
-                    tape.step(0.0, self._seen[POLICY][row], sim.seen.action[row], target, self._pictures(row))
+                    seen, action = self._seen[POLICY][row], sim.seen.action[row]
+                    tape.step(0.0, seen, action, target, self._pictures(row))  # 0 s late
             acting = False
             self._ticks += 1
             self._felt = felt.copy()

@@ -182,6 +182,7 @@ def refuse_unseen(sweeps: Iterable[Sweep], who: Iterable[Entrant]) -> None:
 def refuse_elsewhere(sweeps: Iterable[Sweep], scene: Scene) -> None:
     """Raise UserError for a sweep of an effect at a place that it does not have in the world's cell."""
     for what in sweeps:
+        # an effect at "*" is refused only if it has no place at all
         where = {"*": ALL, HELD: scene.held}.get(what.where, what.where)
         check(effect(what.effect), where, scene, many=MANY, key="--sweep")
 
@@ -210,7 +211,9 @@ def summarise(episodes: Sequence[Episode], asked: Sequence[Sweep]) -> list[Sweep
         for v in what.values
     }
     costs = {
-        (policy, tag(what, v)): difference(played[policy, tag(what, what.null)], played[policy, tag(what, v)], True)
+        (policy, tag(what, v)): difference(
+            played[policy, tag(what, what.null)], played[policy, tag(what, v)], same_networks=True
+        )
         for what in asked
         for policy in policies
         for v in (what.values[-1:] if what.measured else what.values)
@@ -266,7 +269,8 @@ def _curve(
 def _interval_words(cost: Estimate) -> str:
     """Return a sentence on success at the high end of a measured interval against the low end."""
     low, high = -cost.high, -cost.low
-    return words(0.0 - cost.value, low, high, verdict(low, high, cost.n))
+    moved = 0.0 - cost.value  # the minus sign alone would turn 0 into -0, which is shown as -0.0
+    return words(moved, low, high, verdict(low, high, cost.n))
 
 
 def _words(points: Sequence[SweepPoint], nearest: SweepPoint | None, what: Sweep) -> str:

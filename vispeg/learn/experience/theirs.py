@@ -103,7 +103,7 @@ class Theirs:
         done = episode[EXECUTED].reshape(len(meant), -1) if self._executed else offset
         o.action[1:] = np.clip(done, -1, 1)[:-1]  # of the step before; none at the first frame
         values, stack = scaled(self.interface.terms, o), Stack(self.interface.stack, o.n, o.stack.values.shape[-1])
-        for back in range(self.interface.stack):
+        for back in range(self.interface.stack):  # as on a robot, what is not a number becomes 0 (`Stack.push`)
             stack.values[back] = np.nan_to_num(values[np.maximum(np.arange(o.n) - back, 0)])
         return policy_part(stack), offset
 
@@ -127,5 +127,5 @@ class Theirs:
             o.twist[:, :3] = self._values(episode, VELOCITY)
         for part in (slice(0, 3), slice(3, 6)):
             if self._has(WRENCH[part]):
-                o.wrench[1:, part] = self._values(episode, WRENCH[part])[1:]  # none at the first frame
+                o.wrench[1:, part] = self._values(episode, WRENCH[part])[1:]  # as on a robot, 0 at the first frame
         return o

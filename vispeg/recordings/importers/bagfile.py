@@ -74,7 +74,7 @@ def _with_metadata(path: Path, scratch: Path) -> Path:
             "version": 5,
             "storage_identifier": STORAGES[path.suffix],
             "relative_file_paths": [path.name],
-            "duration": {"nanoseconds": max(head.duration - 1, 0)},
+            "duration": {"nanoseconds": max(head.duration - 1, 0)},  # rosbags adds 1 ns
             "starting_time": {"nanoseconds_since_epoch": head.start_time},
             "message_count": head.message_count,
             "topics_with_message_count": topics,

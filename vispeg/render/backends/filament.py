@@ -74,7 +74,7 @@ class Filament:
         self._option.sitegroup[:] = 0
         self._parts: tuple[Any, Any, Any, Any] | None = None  # scene, lights, renderables, resources
         self._built_from = b""  # the model fields from which they were made
-        self.remembers = False
+        self.remembers = False  # nothing has been drawn yet
 
     @_quiet()
     def draw(self, data: mujoco.MjData, views: Sequence[View], ids: bool) -> list[Picture]:
@@ -132,9 +132,8 @@ class Filament:
 
     def _request(self, scene: Any, target: Any, view: View, depth: bool) -> Any:
         mjrf, request = self._mjrf, self._mjrf.RenderRequest()
-        frustum = view.frustum()
         request.scene, request.target = scene, target
-        request.camera = mjrf.Camera(**{**frustum, "orthographic": False})
+        request.camera = mjrf.Camera(**view.frustum())
         request.viewport.left = request.viewport.bottom = 0
         request.viewport.width, request.viewport.height = view.camera.width, view.camera.height
         request.draw_mode = getattr(mjrf.DrawMode, "DRAW_MODE_DEPTH" if depth else "DRAW_MODE_DEFAULT")

@@ -14,7 +14,7 @@ from vispeg.report.text.camera_words import sentence
 from vispeg.report.text.quantities import plain
 
 TITLE = "What the cameras saw"
-SAID = (
+SAID = (  # figures of a frame, in its title: key, words
     ("border_px", "borders {} px RMS"),
     ("corner_px", "corners {} px RMS"),
     ("depth_mm", "depth {} mm RMS"),

@@ -80,7 +80,7 @@ def _between(between: Any, param: Param | None) -> tuple[str, float]:
         text = f"up to {texts[1]} {name}"
     elif high == param.high == param.null:
         text = f"down to {texts[0]} {name}"
-    elif low == 2 * param.null - high and param.null == 0:
+    elif low == -high and param.null == 0:
         text = f"±{texts[1]} {name}"
     else:
         text = f"{texts[0]} to {texts[1]} {name}"
