@@ -104,10 +104,10 @@ def played_in(
     from vispeg.task.world_file import load_world
 
     opened = open_policy(policy)
-    place = home(opened) if world is None else str(world)
+    chosen = home(opened) if world is None else str(world)
     if tolerance is not None:
-        return place, dict(with_tolerance(load_world(place).task, tolerance))
-    return place, dict(made_for(opened.meta)) if world is None else {}
+        return chosen, dict(with_tolerance(load_world(chosen).task, tolerance))
+    return chosen, dict(made_for(opened.meta)) if world is None else {}
 
 
 def play(
@@ -139,11 +139,11 @@ def play(
     """
     if episodes < 1:
         raise UserError("must be at least 1", key="episodes", got=episodes)
-    place, settings = played_in(policy, world, tolerance)
-    usual = Path("films") / f"{Path(policy).resolve().name}-{Path(place).stem}"
+    chosen, settings = played_in(policy, world, tolerance)
+    usual = Path("films") / f"{Path(policy).resolve().name}-{Path(chosen).stem}"
     folder = usual if out is None else Path(out).expanduser()
     seeds, made = [seed + k for k in range(episodes)], list[Film]()
-    for film in films(policy, place, settings, seeds, folder, overwrite):
+    for film in films(policy, chosen, settings, seeds, folder, overwrite):
         made.append(film)
         watch(film)
-    return Films(str(policy), place, made)
+    return Films(str(policy), chosen, made)

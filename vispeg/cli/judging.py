@@ -145,13 +145,14 @@ def gap(call: Call) -> None:
     """Measure what policies lose in other worlds, factor by factor.
 
     All policies play the same seeds. The first world is the reference, the others are targets. The loss in a combined
-    world (VNP combines V, N and P) is split into shares. Controls are played in the first and the last world; the blind
-    control is a separate policy of modality `proprio`. Writes OUT/gap.json, OUT/gap.html, OUT/episodes.jsonl.
+    world (VNP combines V, N and P) is split into shares. Controls (the policies with shuffled or frozen images, or
+    with a goal that never moves) are played in the first and the last world; the blind control is a separate policy of
+    modality `proprio`. Writes OUT/gap.json, OUT/gap.html, OUT/episodes.jsonl.
 
-    A world that a policy was trained in is marked as its home. A policy that was trained with a part of a target is
-    refused without --fine-tuned. --measured adds a real robot's trials as a target: a folder by `vispeg run`, or a CSV
-    (policy, configuration, seed, outcome, category). --records reuses episodes of `vispeg evaluate` or `vispeg gap`;
-    videos then need the policies too.
+    A world that a policy was trained in is marked as its home. A policy that was not trained in a target, but with a
+    held-out part of it (its looks, its plant), is refused without --fine-tuned. --measured adds a real robot's trials
+    as a target: a folder by `vispeg run`, or a CSV (policy, configuration, seed, outcome, category). --records reuses
+    episodes of `vispeg evaluate` or `vispeg gap`; videos then need the policies too.
 
     Example:
         vispeg gap runs/depth_s* runs/rgb_s* --worlds S V N P VNP --episodes 500 --workers 2 --out gap
@@ -181,9 +182,9 @@ def explain(call: Call, tolerance: float | None = None) -> None:
     Replays every trial's start in simulation with several draws of the world, by the policy and by the trial's own
     actions. Replaces one sense of the policy at a time by simulation's, to see which changes its action. Plays each
     effect of a model file from those starts, to see how much success it costs; `vispeg diagnose` finds such effects
-    from motions in free air or from pictures. `--remainder` adds the unexplained torque, and states whether the gap is
-    unbridgeable here. Lists next steps with the success that they can win back at most, and their hours. Writes
-    OUT/explain.json and OUT/explain.html.
+    from motions in free air or from pictures. `--remainder N` plays N episodes with the unexplained torque, and states
+    whether the gap is unbridgeable here. Lists next steps with the success that they can win back at most, and
+    their hours. Writes OUT/explain.json and OUT/explain.html.
 
     Example:
         vispeg explain trials --policy runs/{task}-state/best --world randomized --out why

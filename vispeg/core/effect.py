@@ -158,7 +158,10 @@ class Effect(ABC):
         raise NotImplementedError
 
     def observe(self, state: Any, q: np.ndarray, dq: np.ndarray, x: Any, p: Values) -> tuple[np.ndarray, np.ndarray]:
-        """Return joint angles (rad) and velocities (rad/s), (nsim, nj) each, as the encoders read them."""
+        """Return joint angles (rad) and velocities (rad/s), (nsim, nj) each, as the encoders read them.
+
+        `q` and `dq` are the readings with the effects before this one; the arm's own state is `x.q` and `x.dq`.
+        """
         return q, dq
 
     def wrench(self, state: Any, wrench: np.ndarray, x: Any, p: Values) -> np.ndarray:

@@ -25,7 +25,10 @@ class Interrupted(KeyboardInterrupt):
 
 @contextmanager
 def goes_on(*more: str, instead: Sequence[str] = ()) -> Iterator[None]:
-    """Turn an interrupt of the body, or of the decorated function, into `Interrupted` with these arguments."""
+    """Turn an interrupt of the body, or of the decorated function, into `Interrupted(more, instead)`.
+
+    That states the command that resumes the work; without arguments it is the same command.
+    """
     try:
         yield
     except Interrupted:

@@ -56,13 +56,13 @@ def diagnose_change(
     if len(baseline) < 2:
         message = "one recording of the baseline is fitted, so another must judge"
         raise UserError(message, key="--baseline", expected="two or more", got=len(baseline))
-    both = progress or Progress()
+    both = progress or Progress()  # one file for both diagnoses; the baseline's answers are a part of their own
     options = {"seed": seed, "nthread": nthread, "say": say}
     say("the baseline")
     arm = diagnose(world, baseline[:-1], baseline[-1:], plan_next=False, progress=both.part("baseline"), **options)
     say("what changed")
     marked = {e.label: e for e in arm.world.effects}
-    # not partial, as `diagnose` would refit such effects
+    # without the mark `partial` (accepted although error remained), as `diagnose` would refit marked effects
     held = replace(arm.world, effects=tuple(replace(e, partial=False) for e in arm.world.effects))
     change = diagnose(held, fitted, held_out, plan_next=plan_next, likely=likely, progress=both, **options)
     effects = tuple(

@@ -71,7 +71,8 @@ def missing_of(rec: Recording, world: World) -> Missing | None:
     if len(pieces) != 1 or len(pieces[0].q) != len(rec.time) or rec.time[-1] - rec.time[0] < 2 * ENDS + SHORTEST:
         return None
     tau = EffectLoop(activate(robot, [world])).delivered(_commanded(rec))
-    links = world.only(lambda e: not effect(e.effect).overrides("inverse"))  # the drives' effects are in `tau`
+    # effects with the hook `inverse` are those of the drives: they are in `tau` already
+    links = world.only(lambda e: not effect(e.effect).overrides("inverse"))
     felt = touch(rec, robot)
     touching = np.zeros(len(rec.time), bool)
     if felt is not None:
@@ -82,7 +83,8 @@ def missing_of(rec: Recording, world: World) -> Missing | None:
     evidence = TorqueEvidence([replace(rec, tau=smoothed, torque_sensor="motor", ft=None, wrench=None)])
     item, (least, most) = evidence.items[0], evidence.torque_range(0, links)
     valid = item.valid.all(axis=1)
-    missing = (np.clip(item.measured, least, most) - item.measured)[valid]  # needed minus known
+    # needed minus known (`item.measured`); 0 where dry friction lets a joint at rest hold the known torque
+    missing = (np.clip(item.measured, least, most) - item.measured)[valid]
     return Missing(rec.name, item.segment.time[valid], missing, touching[item.segment.rows][valid])
 
 
@@ -93,6 +95,7 @@ def _commanded(rec: Recording) -> np.ndarray:
     """
     robot, (segment,) = robot_of(rec), segments(rec)
     rows = Rows([segment], 1)
+    # along=False: gravity at the measured angles, not linearised
     law = Controller(robot, rows, nominal_of(robot, 1), rows.by_tick(lambda s: s.q), along=False)
     dq = segment.dq if rec.dq is None else np.nan_to_num(rec.dq)
     asked = [law.command(k, segment.q_raw[[k]], dq[[k]])[0] for k in range(segment.ticks)]

@@ -60,10 +60,12 @@ def signature(name: str, where: str | None = None, *, robot: str = "iiwa14", see
     placed = EffectInstance.of(name, spot, **{k: p.start for k, p in kind.params.items()})
     move = "triangle" if kind.family == "joint" else "fourier"
     m = motion(move, model, RATE, SECONDS, stream(seed, "signature"))
+    # an effect in a servo's loop alone lacks the channel `angle`
     mode = "position" if "angle" in kind.channels() else "servo"
     control = controller(model, mode, RATE, centre_of(model))
     command = {"q_cmd": m.q_cmd, "dq_cmd": m.dq_cmd}
-    segment = Segment(control, 1.0 / RATE, command, m.q_cmd, m.dq_cmd, m.q_cmd, m.time, np.arange(len(m.time)))
+    rows = np.arange(len(m.time))
+    segment = Segment(control, 1.0 / RATE, command, q=m.q_cmd, dq=m.dq_cmd, q_raw=m.q_cmd, time=m.time, rows=rows)
     r = simulate(model, [World(robot), World(robot, None, (placed,))], [segment], nthread=1)[0]
     stiffness = 1.0 if control.kp is None else control.kp
     size = np.sqrt(np.nanmean(((r.q[1] - r.q[0]) * stiffness) ** 2, axis=0))

@@ -26,8 +26,9 @@ def refuse_other_actions(
         what: the error.
         task, other: settings (TaskConfig's fields); what only one of them states is not compared, nor `turn` where
             nothing turns.
-        file: of the other task's actions, for the error.
+        file: where the other task's settings come from, for the error.
     """
+    # directions of `dof` are x, y, z and the rotations rx, ry, rz
     still = not any(d.startswith("r") for d in task.get("dof", ()))
     for key in ACTIONS:
         if key in task and key in other and task[key] != other[key] and not (key == "turn" and still):

@@ -30,7 +30,7 @@ class Stroke:
         rows: (k,) rows of the trace that are used; the next stroke may share some.
         shares: (k,) weight of each row's torque in `friction`.
         speed: measured, rad/s.
-        acceleration: measured with the same weights, rad/s^2; the remainder of the acceleration at the start.
+        acceleration: measured with the same weights, rad/s^2; not 0 if the joint still starts after SETTLING.
         lag: q_cmd - q, rad.
         moves: whether the joint turns at about the commanded speed; otherwise it still starts, or sticks.
         friction: half the torque loop's height, N m; None without a torque that has a sign, or if `moves` is false.
@@ -76,6 +76,7 @@ def _stroke(trace: Trace, out: tuple[int, int], back: tuple[int, int], speed: fl
     velocity = np.gradient(trace.q, trace.time)
     signals = [velocity, np.gradient(velocity, trace.time), trace.q_cmd - trace.q]
     measured_speed, acceleration, lag = (float(shares[0] @ values[both]) for values in signals)
+    # rad/s: 4 standard deviations of the angle's noise over a third of a way; noise is sqrt(6) larger in diff(q, 2)
     noise = 4.0 * float(np.std(np.diff(trace.q, 2))) / np.sqrt(6.0) / (len(rows[0]) // 3 * trace.period)
     moves = all(abs(abs(v) - speed) <= WITHIN * speed + noise for r in rows for v in _speeds(trace, r))
     stroke = Stroke(trace, float(trace.time[out[0]]), both, shares[0], measured_speed, acceleration, lag, moves)
@@ -129,8 +130,8 @@ def _stiffness(trace: Trace, tau: np.ndarray, rows: np.ndarray, velocity: np.nda
 def _gap(trace: Trace, torque: np.ndarray, middle: np.ndarray, sign: float, top: float) -> float | None:
     """Return the loop's width at zero torque, rad; None if it has none or noise hides it.
 
-    It is extrapolated from the widths between +-1/2 and +-1/4 of `top` N m, because between such levels the gear also
-    winds up in proportion to them.
+    `top`, N m, is the torque on the way on which the load helps: friction less load. The width is extrapolated from
+    those between +-1/2 and +-1/4 of `top`, because between such levels the gear also winds up in proportion to them.
     """
     width = max(1, round(SMOOTH / trace.period))
     tau = sign * np.convolve(torque, np.ones(width) / width, "same")

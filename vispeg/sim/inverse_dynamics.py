@@ -49,7 +49,10 @@ class InverseDynamics:
 
 
 def uncounted(model: mujoco.MjModel) -> list[str]:
-    """Return what acts in a model by constraints other than joints' limits and friction: `InverseDynamics` lacks it."""
+    """Return the couplings, equalities, and limits and friction of tendons in a model, which `InverseDynamics` lacks.
+
+    It lacks the limits and the dry friction of joints too; `identify.inverse` adds the friction.
+    """
     out = []
     for i in np.flatnonzero(model.eq_active0):
         of_joint = model.eq_type[i] == mujoco.mjtEq.mjEQ_JOINT

@@ -39,9 +39,9 @@ def task_cameras(scene: Scene, task: TaskConfig, stated: Mapping[str, Any]) -> t
     Args:
         scene: the cell.
         task: settings with the cameras' names and the image size.
-        stated: `cameras` of a world file: a camera file for each name (without a pose, the standard camera of that name
-            has it), or a mapping of what differs from the standard camera of that name (of the standard camera
-            `external` for any other name).
+        stated: `cameras` of a world file: for each name a camera file (if it states no pose, the camera has that of
+            the standard camera of this name), or a mapping of what differs from the standard camera of this name (of
+            the standard camera `external` for any other name).
 
     Raises:
         UserError: no camera of that name, or a file as `load_camera` refuses it.

@@ -83,7 +83,7 @@ class Gate:
             library.serve = plain
 
     def answer(self, plain: Callable[..., Any], connection: Any, request: Any) -> Any:
-        """Refuse a request, redirect a window to the address that names the websocket, or let the toolkit answer."""
+        """Refuse a request, redirect a window to the address that names the websocket, or let viser answer."""
         query = parse_qs(urlsplit(request.path).query)
         given = query.get("token", [""])[0]
         if not secrets.compare_digest(given.encode(), self.token.encode()):
@@ -93,7 +93,7 @@ class Gate:
         if response is None:  # a websocket begins
             same_origin = request.headers.get_all("Origin") == [f"http://{HOST}:{port}"]
             return None if same_origin else connection.respond(HTTPStatus.FORBIDDEN, REFUSED)
-        if "websocket" not in query:  # the toolkit's script reads its server's address here
+        if "websocket" not in query:  # viser's script reads its server's address here
             to = {"token": self.token, "websocket": f"ws://{HOST}:{port}/?{urlencode({'token': self.token})}"}
             response = connection.respond(HTTPStatus.FOUND, "")
             response.headers["Location"] = f"/?{urlencode(to)}"
@@ -106,7 +106,7 @@ class Gate:
 def opener(folder: Path, url: str) -> Path:
     """Write an HTML file that redirects to the address and that only this account can read; return its path.
 
-    On a command line, other accounts could read the token.
+    The browser is started with this path: other accounts could read the token in an address on a command line.
     """
     folder.mkdir(parents=True, exist_ok=True)
     handle, name = mkstemp(".html", "open-", folder)

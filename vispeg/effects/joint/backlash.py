@@ -1,8 +1,9 @@
 """Backlash: free play between motor and link, with the encoder on the motor side.
 
-The gear carries torque only when the teeth touch: `s = K (delta - +-gap/2)` plus damping outside the gap, 0 inside it,
-`delta = theta - q`; inside the gap the rotor turns on its own inertia. Source: Nordin and Gutman, Automatica 38(10),
-2002, the dead-zone model, eq. (3). MuJoCo's own mechanism is a second hinge with a tight range.
+The gear carries a torque s only when the teeth touch: `K (delta - gap/2)` plus damping at `delta > gap/2`,
+`K (delta + gap/2)` plus damping at `delta < -gap/2`, 0 inside the gap, `delta = theta - q`; inside the gap the rotor
+turns on its own inertia. Source: Nordin and Gutman, Automatica 38(10), 2002, the dead-zone model, eq. (3).
+MuJoCo's own mechanism is a second hinge with a tight range.
 """
 
 from __future__ import annotations

@@ -86,8 +86,9 @@ def _doubt(rec: Recording, likely: str, wrong: list[tuple[int, float]]) -> Doubt
     every = len(wrong) == len(names)
     columns = f"{names[0]} ... {names[-1]}" if every and len(names) > 1 else ", ".join(names[j] for j, _ in wrong)
     said = f"measured speeds are {ratio:.3g} times the change of the angles"
+    # a factor of no known unit in every joint is one of the time they share
     clock = f"{ratio * rec.rate_hz:.4g} samples a second" if every and not likely else ""
-    return Doubt(columns, said, likely or clock, bool(likely), not (likely or clock))
+    return Doubt(columns, said, likely or clock, sure=bool(likely), scale=not (likely or clock))
 
 
 def _ratio(q: np.ndarray, dq: np.ndarray, step: np.ndarray, lag: int) -> float | None:
