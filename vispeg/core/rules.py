@@ -10,7 +10,7 @@ it is known, and the commit that set its value. Modules read `RULES.tie` when th
 
 Words: a "noise variance" is the unit of squared errors, a "noise" that of errors (one standard deviation). The "floor"
 is the error that the right model would leave. An "error of form" is one of the model's laws, not of its parameters. A
-"figure" is a number that summarises the depth or the light of a camera's pictures.
+"figure" is a number that summarises the depth or the light of a camera's pictures. "(0.5 before)" is an earlier value.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class Compared:
         "Seconds at the start of a stretch that are not judged.",
         reason="the start state is not measured and its error fades")
     settle_observed: float = _rule(1.2, "joints", "d3946098",
-        "The same where only an observer or a null space forgets a wrong start.",
+        "The same where a wrong start fades only by the observer, or by OSC's null-space control.",
         reason="the observer's 8 rad/s leave under 1 in 1000 of it")
     runaway_speed: float = _rule(3.0, "joints", "47e115cb",
         "Multiple of its rated speed from which a joint's control loop counts as unstable.",
@@ -104,7 +104,7 @@ class Compared:
         "Seconds before a contact that joints do not judge.")
     touch_after: float = _rule(0.5, "joints", "d380f188",
         "Seconds after a contact that joints do not judge.",
-        reason="until a null space has forgotten it")
+        reason="OSC's null-space control needs as long to remove its effect on the posture")
     touch_graze: float = _rule(0.1, "joints", "d380f188",
         "Seconds after a contact in which a lighter force still acts on the model's arm.")
     touch_light: float = _rule(1.0, "joints", "d380f188",
@@ -118,7 +118,8 @@ class Compared:
         "Range of a joint's readings, in stated noises, up to which it is at rest.",
         reason="the range of 10^6 normal readings is about 10 standard deviations")
     torque_repeats: float = _rule(0.02, "joints", "d3946098",
-        "Share of a torque's spread: least noise, where none is stated; greatest difference of two runs of one motion.",
+        "Share of a signal's spread: least noise of a torque, where none is stated; and difference of angles up to "
+        "which two recordings count as runs of one motion.",
         reason="what differs so little between two runs adds no more noise than is assumed without them",
         case="two runs of a KUKA LWR4+ differ by 0.0008 of their motion, other motions by more than all of it")
     load_noise: float = _rule(0.2, "joints", "0b8fe262",
@@ -132,7 +133,8 @@ class Compared:
     grid_off: float = _rule(0.05, "joints", "8f055d1b",
         "Share of a step by which a reading may lie off the grid.")
     noise_quantile: float = _rule(0.9, "joints", "f10230da",
-        "Quantile, over draws, of the error that noise fed back by the controller makes of the right model: its floor.",
+        "Quantile, over draws, of the error that noise, fed back by the controller, causes in the right model: its "
+        "floor.",
         reason="one draw in ten exceeds it",
         case="OSC arms with the right model that were called unexplained")
     noise_quantile_coarse: float = _rule(0.5, "joints", "e07bb19d",
@@ -201,7 +203,7 @@ class Compared:
         case="worlds 1e-3 of an effect apart differed by 5 to 15")
     chatter: float = _rule(3, "contact", "98b720e7",
         "Least gain of an effect, as a multiple of `contact_rough`.",
-        reason="from the least to the most of 5 to 15")
+        reason="15 over 5, the most and the least of the changes seen")
     floor_form: tuple[float, ...] = _rule((0.02, 0.01, 0.04, 0.05, 2.0), "contact", "cb0b46b3",
         "Floor (N) by errors of form of the contact law: free air, press, slide, inside the goal, impact.",
         case="what the true model left on development cases")
@@ -239,14 +241,14 @@ class Compared:
         "Rotation (rad) over which that error changes.")
     bears_aside: float = _rule(0.15, "contact", "4a08f3e6",
         "Distance, in radii of its end, from a pressed part's axis to the centre of pressure.",
-        reason="half of what four points of a rim leave open")
+        reason="half of the 0.3 radii by which four points of a rim support a part less than the full circle")
     slide_blows: float = _rule(0.1, "contact", "0319eca4",
         "Share of a slide's scatter by which its drag may be off.")
     slide_across: float = _rule(0.1, "contact", "5f5e4870",
         "Share of a slide's drag that may act across the direction of motion.",
         reason="in the model every slide hops, and a tool whose mass is off its axis swings aside")
     stick_blocks: int = _rule(5, "contact", "cb9cd3d1",
-        "Blocks before a tip sticks whose impacts determine how far off it may stick.")
+        "Number of blocks before a tip sticks whose strongest impact counts towards the error of the sticking point.")
     grip_nearly: float = _rule(0.75, "contact", "bf23067b",
         "Share of the force that a grip holds, from which a blow moves the part in it (0.5 before).",
         reason="slips follow hard blows alone")
@@ -287,8 +289,8 @@ class Compared:
         "Distance, in scatters, beyond which an edge belongs to something else.",
         reason="Tukey's weights, 95 % efficient for normal errors")
     edge_shift: float = _rule(0.1, "pictures", "fbb7d3b1",
-        "Shift (px) that light and shadow make of all edges that face one way, lie between two parts or at one place.",
-        case="measured on rendered pictures in looks of S against the borders of the model")
+        "Shift (px) that light and shadow give to all edges that face one way, lie between two parts or at one place.",
+        case="measured on rendered pictures in looks of the training world `S` against the borders of the model")
     edge_shift_here: float = _rule(0.05, "pictures", "fbb7d3b1",
         "The same of two parts in one picture.",
         case="the same")
@@ -321,7 +323,7 @@ class Compared:
     figure_missing: tuple[float, float] = _rule((5e-3, 0.015), "pictures", "943fe8b5",
         "The same two of the share of missing readings.")
     figure_near: tuple[float, float] = _rule((0.03, 0.15), "pictures", "fbb7d3b1",
-        "The same two of the share of a near thing's depth beside its border.")
+        "The same two of the share of readings beside a border, on its far side, that show the near part.")
     figure_light: tuple[float, float] = _rule((0.1, 0.3), "pictures", "fbb7d3b1",
         "The same two of the level of light, in octaves.")
     figure_colour: tuple[float, float] = _rule((0.05, 0.15), "pictures", "fbb7d3b1",
@@ -414,7 +416,7 @@ class Proposed:
     size_faint: float = _rule(0.03, "contact", "e39a6576",
         "Share of the best predicted gain below which no greater size of an effect is tried.")
     size_close: float = _rule(0.1, "contact", "e39a6576",
-        "Share of the predicted gain by which a size may fall short of it and still end the trial of greater sizes.")
+        "Share of its predicted gain by which a size's gain may fall short without a greater size being tried.")
     contact_promise: float = _rule(0.6, "contact", "8e245e45",
         "Share of the needed gain, predicted for the best size of an effect, from which it is fitted.")
     contact_worth: float = _rule(0.2, "contact", "65a197ce",
@@ -434,7 +436,7 @@ class Proposed:
     several_common: float = _rule(0.5, "joints", "fbd72ba7",
         "Share of the best effect's gain from which one that every joint has (friction, rotor, bias) is taken instead.")
     several_likelier: float = _rule(0.8, "joints", "e3f41922",
-        "Share of an effect's gain from which a likelier one is taken in its place.",
+        "Share of an effect's gain from which one of those in its `likelier` is taken in its place.",
         case="a payload that was added as masses of links beside other effects (0.9 before)")
     several_better: float = _rule(0.995, "joints", "9e47cadb",
         "Share of the remaining error that an exchange in the linear model may leave at most.",
@@ -630,7 +632,8 @@ class Named:
     name_slack: float = _rule(0.2, "joints", "9e47cadb",
         "Share of the remaining error by which a rival may be worse and is still fitted.")
     name_alike: float = _rule(0.7, "joints", "de0de97d",
-        "Rise of the error without an effect if another is added, over that if not, below which the two are alike.",
+        "Rise of the error by an effect's removal where another is in the model, as a share of the rise where it is "
+        "not, below which the two are alike.",
         case="a wrong effect that fits one motion better than the true one and is worse on another")
     name_rivals: int = _rule(6, "joints", "356154d4",
         "Greatest number of rivals that are fitted to test a name.")
@@ -648,9 +651,11 @@ class Named:
         "Rise of the squared residual at the ends of an interval.",
         reason="95 % of chi squared, one degree of freedom")
     interval_faint: float = _rule(0.03, "contact", "88a17a00",
-        "Share of a derivative's length below which a recording does not count for a value.")
+        "Norm of a value's derivatives in one recording, as a share of that in all, up to which the recording does not "
+        "count as determining the value.")
     interval_less: float = _rule(0.5, "contact", "0bbdbdd4",
-        "Least share of that rise, where the residual falls along the profile.",
+        "Least rise above the fit's residual at the ends of an interval, as a share of the full rise, where the "
+        "profile falls below that residual.",
         case="intervals without a width")
     interval_bent: float = _rule(1.2, "contact", "4cfd3ec2",
         "Ratio of a value's variances, others free over others fixed, up to which one profile is enough.")
@@ -707,7 +712,7 @@ class Concluded:
         "Least error of a flight (s) that it leaves.",
         reason="its ends are read to a sample or two")
     blow_hang: float = _rule(2.0, "contact", "d1d3f51c",
-        "Readings of a blow (impulse, flight) whose errors count as one.")
+        "Number of readings of a blow (impulse and flight) whose errors count as one error.")
     blows_explained: float = _rule(2.0, "contact", "d1d3f51c",
         "Mean squared error up to which a damping explains blows.")
     peak_share: float = _rule(0.25, "contact", "6446e633",
@@ -793,7 +798,7 @@ def rules(step: type) -> list[Rule]:
 
 @contextmanager
 def varied(**values: float | tuple[float, ...]) -> Iterator[None]:
-    """Return rules other values while the block lasts."""
+    """Give rules other values while the block lasts."""
     unknown = sorted(values.keys() - {f.name for f in fields(Rules)})
     if unknown:
         raise KeyError(f"no such rule: {', '.join(unknown)}")

@@ -175,7 +175,7 @@ def _shares(first: Ends, second: Ends, name: str, of_failures: float = 0.0) -> D
         for side in (first, second)
     ]
     found = difference(*sides, same_networks=True)
-    return replace(found, discordant=None)  # without it, `decide` states no number of pairs
+    return replace(found, discordant=None)  # so that `decide` computes no number of pairs, which `KindRow` lacks
 
 
 def _over_networks(first: Ends, second: Ends, shares: Mapping[str, float]) -> tuple[float | None, str]:

@@ -20,11 +20,12 @@ from vispeg.interface.observer import Observer, Settings
 OFFSET = "offset"
 JOINT_GOAL, JOINT_DELTA, TIP_GOAL, TIP_DELTA = "joint_goal", "joint_delta", "tip_goal", "tip_delta"
 KINDS: Mapping[str, str] = {
-    OFFSET: "of the tip from where it is measured, within +-1, as the task's own policies act",
+    OFFSET: "displacement of the tip from where it is measured, within +-1, as the task's own policies act",
     JOINT_GOAL: "angles of the joints, rad",
     JOINT_DELTA: "angles of the joints from where they are measured, rad",
     TIP_GOAL: "place of the tip in the base, m; or place and quaternion w x y z of the flange's turn",
-    TIP_DELTA: "of the tip from where it is measured, m, base axes; or that and the turn's rotation vector, rad",
+    TIP_DELTA: "displacement of the tip from where it is measured, m, base axes; "
+    "or that and the turn's rotation vector, rad",
 }
 STATED = "?action="  # separates the name of a policy or of demonstrations from the kind of their actions
 MOST = 4 * np.pi  # rad, greatest angle of a joint; larger numbers can only be in degrees
@@ -178,6 +179,6 @@ class Actions:
     def seen(self, q: np.ndarray) -> Observer:
         """Return an observer of n arms at rest at the measured angles q (n, nj) rad."""
         q = np.asarray(q, float)
-        observer = Observer(self.settings, self.chain, self.length, np.zeros(3), 0, len(q))
+        observer = Observer(self.settings, self.chain, self.length, weight=np.zeros(3), size=0, n=len(q))
         observer.see(q, np.zeros_like(q))
         return observer

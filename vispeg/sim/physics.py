@@ -39,8 +39,8 @@ class Forces:
     friction: np.ndarray | None
 
     @property
-    def beside(self) -> np.ndarray | None:
-        """Return the sum of `geared` and `link`, (nsim, nj); None if there is none."""
+    def other(self) -> np.ndarray | None:
+        """Return the torque other than the drive's: the sum of `geared` and `link`; None if there is none."""
         return total(self.geared, self.link)
 
 

@@ -138,7 +138,7 @@ class Plant:
         """
         forces = self.forces(command)
         tau = forces.drive
-        other = hold if forces.beside is None else forces.beside + hold
+        other = hold if forces.other is None else forces.other + hold
         # leapfrog: the velocity update spans half of the last step and half of this one
         self.ctrl[:, self.u] = tau if self.first else 0.5 * (tau + self.last)
         self.last = tau
@@ -155,6 +155,7 @@ class Plant:
             half, self.first = 0.5 * self.h * self.acc, False
         self.qvel[:, self.vadr] = velocity - half
         self.qpos[:, self.qadr] = angle - self.h * half
+        # torque from the drive on the link, so less damping, dry friction and the rotor's acceleration
         self.x.tau = tau if forces.geared is None else tau + forces.geared
         if self.damped:
             self.x.tau = self.x.tau + self.damper[:, self.vadr]

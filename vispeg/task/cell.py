@@ -200,7 +200,7 @@ class Cell(Plant):
             if sub:
                 self.read()
             forces = self.forces(command)
-            applied = total(forces.beside, self.beside)
+            applied = total(forces.other, self.beside)
             if applied is not None:
                 self.applied[:, self.vadr] = applied
             self._move(forces.drive)

@@ -15,7 +15,7 @@ class Job:
     """Run a page's work in one worker process, one request after the other.
 
     Args:
-        place: of the page; the line is added where the page's elements are being added.
+        place: what all pages share; the status is added to its panels, after the elements that are there.
         receive: called with (name, value) of each message other than "say".
         idle: called after each change, with True if no request is left.
     """

@@ -105,11 +105,16 @@ def summarise(episodes: Sequence[Episode]) -> PushRecord:
     """
     names = dict.fromkeys(e.configuration.removesuffix(PUSHED) for e in episodes)
     sides = {
-        (policy, name): [rows(e for e in episodes if e.policy == policy and e.configuration == c) for c in both]
+        (policy, name): [
+            rows(e for e in episodes if e.policy == policy and e.configuration == name + suffix)
+            for suffix in ("", PUSHED)
+        ]
         for policy in dict.fromkeys(e.policy for e in episodes)
-        for name, both in ((name, (name, name + PUSHED)) for name in names)
+        for name in names
     }
-    costs = {key: difference(still, pushed, True) for key, (still, pushed) in sides.items() if still and pushed}
+    costs = {
+        key: difference(still, pushed, same_networks=True) for key, (still, pushed) in sides.items() if still and pushed
+    }
     decided = decide(costs)
     made: list[PushRow] = []
     for (policy, position), (still, pushed) in sides.items():

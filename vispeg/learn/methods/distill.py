@@ -143,7 +143,7 @@ def demonstrations(
                 got=succeeded,
             )
     for row in range(env.num_envs):
-        if ring.began[row] != ring.head[row]:  # an episode in progress, which has not succeeded
+        if ring.began[row] != ring.head[row]:  # an episode in progress, which has not succeeded: do not draw from it
             ring.starts[ring._span(row), row] = False
     ring.cut()
     return ring, tried
@@ -232,6 +232,7 @@ def distill(
     def played(number: int, beta: float) -> Replay:
         acting = None if beta >= 1 else student
         noise = settings.noise if 0 < beta < 1 else 0.0
+        # round 0 keeps the seed itself, so that runs of one round stay as they were
         round_seed = int(stream(seed, "distill round", number).integers(2**30)) if number else seed
         steps, looks = settings.steps, settings.looks
         return collect(env, teacher, acting, beta, steps, noise, round_seed, actor.device, looks)

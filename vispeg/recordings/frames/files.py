@@ -142,7 +142,7 @@ def _within(
     """Keep the frames within the samples' times, sorted by episode and time; without `episode` all are one."""
     inside: list[RecordedFrame] = []
     numbers = [0] if episode is None else list(dict.fromkeys(episode.tolist()))
-    if len(numbers) == 1:
+    if len(numbers) == 1:  # a single episode has all frames, whatever number the index states
         frames = [replace(frame, episode=numbers[0]) for frame in frames]
     for number in numbers:
         clock = time if episode is None else time[episode == number]

@@ -103,7 +103,7 @@ def looks(kind: Effect, where: str | None, scene: Any) -> tuple[EffectInstance, 
             dress(renderer, scene, world)
             matcher.begin(world, {})
             shots = renderer.render(qpos, qvel=qvel)
-            depths = matcher.depths(0, Snapshot(qpos, qvel, {}))
+            depths = matcher.depths(seed=0, snapshot=Snapshot(qpos, qvel, {}))
             views = [replace(shots[c.name], depth=depths.get(c.name, shots[c.name].depth)) for c in cameras]
             out.append([_seen(view, shots[c.name].depth, c, world) for c, view in zip(cameras, views, strict=True)])
     return placed, out[0], out[1]
