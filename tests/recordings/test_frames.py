@@ -77,6 +77,14 @@ def test_episodes_keep_their_frames(tmp_path):
     assert read.episodes.tolist() == [3] * 6 + [7] * 2 and read.of("room").times.tolist() == [0.1, 0.5, 0.9, 0.2]
 
 
+def test_samples_cut_to_one_episode_do_not_take_the_frames_of_another(tmp_path):
+    both = Frames(frames().cameras, (*frames(episode=3), *frames((0.2,), episode=7)))
+    one = recording(n=500, episode=np.repeat(7, 500), time=np.arange(500) / 500)
+    with pytest.warns(UserWarning, match="6 of 8 frames lie outside the times of the samples"):
+        read = load(write(replace(one, frames=both), tmp_path / "rig")).frames
+    assert read.episodes.tolist() == [7, 7] and set(read.times.tolist()) == {0.2}
+
+
 def test_joints_between_samples():
     """The spline's error on a sine falls with the fourth power of the period; gaps and the outside are unknown."""
     errors = []

@@ -142,7 +142,8 @@ def _within(
     """Keep the frames within the samples' times, sorted by episode and time; without `episode` all are one."""
     inside: list[RecordedFrame] = []
     numbers = [0] if episode is None else list(dict.fromkeys(episode.tolist()))
-    if len(numbers) == 1:  # a single episode has all frames, whatever number the index states
+    # a single episode has all frames, whatever one number the index states; of several, samples may have one left
+    if episode is None or (len(numbers) == 1 and len({frame.episode for frame in frames}) == 1):
         frames = [replace(frame, episode=numbers[0]) for frame in frames]
     for number in numbers:
         clock = time if episode is None else time[episode == number]
