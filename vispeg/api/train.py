@@ -154,7 +154,7 @@ def train(
     from vispeg.task.environments.vector import world_of
 
     if recipe == "distill" and steps is not None:
-        expected = "--distill-steps, those of a round"
+        expected = "--distill-steps, the steps of each round"
         raise UserError("imitation alone goes by rounds", key="--steps", expected=expected, got=steps)
     chosen = dict(settings or {})
     if recurrent and chosen.get("stack") not in (None, 1):
@@ -162,7 +162,8 @@ def train(
         raise UserError("an LSTM and stacked observations", key="--stack", expected=expected, got=chosen["stack"])
     world = str(world)
     task_config = world_of(world, dict(chosen))[1]
-    sac = defaults(bool(modality(_modality(task, task_config, world)).kinds))
+    sees_images = bool(modality(_modality_name(task, task_config, world)).kinds)
+    sac = defaults(sees_images)
     sac = replace(sac, recurrent=recurrent, utd=sac.utd if utd is None else utd, symmetric=symmetric)
     sac = sac if replay is None else replace(sac, replay=replay)
     config = TrainConfig(
@@ -201,7 +202,7 @@ def resume(run: str | Path, steps: int | None = None, *, show: bool = False) -> 
 
     Raises:
         UserError: `run` holds no run, its last checkpoint is missing or damaged, or another process trains in it; or
-            `steps` are given of a run that has more, that ended at its target, or that only imitates.
+            `steps` is given but the run has done more, ended at its target, or only imitates.
     """
     require("torch", "training")
     from vispeg.learn import train as running
@@ -213,8 +214,8 @@ def resume(run: str | Path, steps: int | None = None, *, show: bool = False) -> 
     return TrainedPolicy(folder, best, config.world, config.settings)
 
 
-def _modality(task: str, task_config: Any, world: str) -> str:
-    """Return the modality of `task`, a text LABEL-MODALITY.
+def _modality_name(task: str, task_config: Any, world: str) -> str:
+    """Return the name of the modality in `task`, a text LABEL-MODALITY.
 
     Raises:
         UserError: `task` has no hyphen, or its label is not that of the world's task.

@@ -58,6 +58,7 @@ def training_of(policy: Path | None, prices: Prices) -> Training:
     """Return the hours of training: as stated, else measured from progress.csv of the policy's run."""
     if prices.training_hours is not None:
         return Training(prices.training_hours, f"{prices.training_hours:g} h of training, stated")
+    # a run keeps its policies in checkpoints/NAME
     for folder in () if policy is None else (policy, *policy.parents[:2]):
         log = folder / "progress.csv"
         if log.is_file():

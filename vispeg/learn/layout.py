@@ -37,7 +37,7 @@ class Layout:
 
     @classmethod
     def of(
-        cls, observation_space: Any, action_space: Any, kinds: tuple[str, ...], truth: tuple[int, ...] = ()
+        cls, observation_space: Any, action_space: Any, kinds: tuple[str, ...], reads: tuple[int, ...] = ()
     ) -> Layout:
         """Return the layout for the spaces of a single environment.
 
@@ -45,13 +45,13 @@ class Layout:
             observation_space: gymnasium Dict with `policy` and perhaps images.
             action_space: gymnasium Box.
             kinds: kinds of images that the policy sees, any of `depth` and `rgb`.
-            truth: indices of the `privileged` entries that the policy reads.
+            reads: indices of the `privileged` entries that the policy reads.
 
         Raises:
             UserError: the space lacks `policy`, `privileged` where it is read, or images of one of the kinds.
         """
         spaces = getattr(observation_space, "spaces", {})
-        for key in (VECTOR, PRIVILEGED) if truth else (VECTOR,):
+        for key in (VECTOR, PRIVILEGED) if reads else (VECTOR,):
             if key not in spaces:
                 raise UserError("the environment's observation lacks a part", expected=key, got=sorted(spaces))
         images = {}
@@ -60,8 +60,8 @@ class Layout:
             if not matching:
                 raise UserError("the environment gives no such images", expected=f"{kind}_<camera>", got=sorted(spaces))
             images |= matching
-        truth_size = spaces[PRIVILEGED].shape[0] if truth else 0
-        return cls(spaces[VECTOR].shape[0], images, action_space.shape[-1], truth_size, truth)
+        truth = spaces[PRIVILEGED].shape[0] if reads else 0
+        return cls(spaces[VECTOR].shape[0], images, action_space.shape[-1], truth, reads)
 
     @property
     def keys(self) -> tuple[str, ...]:

@@ -63,7 +63,7 @@ def resume(folder: Path, steps: int | None = None, make: MakeEnv | None = None, 
 
     Raises:
         UserError: there is no run, its last checkpoint is missing or damaged, or another process trains there; or
-            `steps` are given of a run that has more, that ended at its target, or that only imitates.
+            `steps` is given but the run has done more, ended at its target, or only imitates.
     """
     config = read_config(folder / "config.yaml")
     if steps is not None and config.recipe == "distill":

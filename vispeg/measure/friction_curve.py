@@ -31,7 +31,8 @@ class Line:
     """A linear fit of values over speed and acceleration.
 
     Attributes:
-        values: (k,) value at speed 0, slope over speed and, for k = 3 or more, slope over acceleration.
+        values: (k,) value at speed 0, slope over speed and, for k = 3 or more, slope over acceleration;
+            with Stribeck's term, its height and the logarithm of its velocity come last.
         covariance: (k, k) of these.
         dof: degrees of freedom.
         rest: weighted sum of the squared residuals.
@@ -44,7 +45,8 @@ class Line:
 
     def input(self, name: str, k: int) -> Input:
         """Return value k with its standard uncertainty from the scatter about the line."""
-        return Input(name, float(self.values[k]), float(np.sqrt(self.covariance[k, k])), "A", float(self.dof), "t")
+        u = float(np.sqrt(self.covariance[k, k]))
+        return Input(name, float(self.values[k]), u, kind="A", dof=float(self.dof), shape="t")
 
 
 def separable(strokes: Sequence[Stroke]) -> bool:
@@ -72,7 +74,7 @@ def _columns(strokes: Sequence[Stroke], inertia: bool) -> np.ndarray:
 
 
 def _covariance(strokes: Sequence[Stroke]) -> np.ndarray:
-    """Return the covariance (n, n) of the loop heights for rows of variance 1; neighbours share a stroke."""
+    """Return the covariance (n, n) of the loop heights for rows of variance 1; neighbours may share rows."""
     out = np.zeros((len(strokes), len(strokes)))
     for i, a in enumerate(strokes):
         for j, b in enumerate(strokes[: i + 1]):
@@ -162,7 +164,7 @@ def _between_rows(strokes: Sequence[Stroke], traces: Sequence[Trace]) -> list[In
     slope = abs(max(strokes, key=lambda s: s.speed).slope)  # of the fastest stroke, which affects the fit most
     inputs = [rectangular("time between angle and torque, one row", slope * period)]
     if any(t.servo for t in traces):
-        # a high quantile: noise and the encoder's dead band lower the estimate, each at other speeds
+        # a high quantile: noise and the encoder's dead band lower the estimate, at different speeds
         stiffness = float(np.quantile([s.stiffness for s in strokes], 0.9))
         inputs.append(rectangular(BETWEEN, 0.5 * max(stiffness, 0.0) * period))
     return inputs

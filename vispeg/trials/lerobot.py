@@ -142,7 +142,7 @@ class Motors:
     Attributes:
         slope, zero: (nj,) joint angle = slope * motor position + zero, rad.
         read, sent: (nj,) index of each joint's motor among the reported and the accepted values.
-        others: (index among the accepted values, index among the reported values) of every value that is in both.
+        both: (index among the accepted values, index among the reported values) of every value that is in both.
         unknown: accepted values that are not reported; `action` requires that there are none.
 
     Raises:
@@ -170,7 +170,7 @@ class Motors:
         self.slope, self.zero = np.array([part.line for part in parts]).T
         self.read = np.array([list(state).index(name) for name in names])
         self.sent = np.array([list(action).index(name) for name in names])
-        self.others = [(i, list(state).index(name)) for i, name in enumerate(action) if name in state]
+        self.both = [(i, list(state).index(name)) for i, name in enumerate(action) if name in state]
         self.unknown = [name for name in action if name not in state]
 
     def angles(self, state: np.ndarray) -> np.ndarray:
@@ -182,8 +182,8 @@ class Motors:
 
         Motors without a joint keep the value that they have in `before`, reported values (nstate,).
         """
-        out = np.zeros(len(self.others))
-        for i, at in self.others:  # of all motors; the next line replaces those of the joints
+        out = np.zeros(len(self.both))
+        for i, at in self.both:  # of all motors; the next line replaces those of the joints
             out[i] = before[at]
         out[self.sent] = (q - self.zero) / self.slope
         return out
@@ -247,7 +247,7 @@ class LeRobotRobot:
 
     def _open(self, interface: Interface) -> None:
         """Start LeRobot's process, check motors and cameras, take a first reading, and start the thread."""
-        if interface.feels:  # the run loop will refuse such a policy, so leave the arm alone
+        if interface.feels:  # needs force or torque: the run loop will refuse the policy, so leave the arm alone
             return
         names = self._link.begin()
         state, action, cameras = ([str(x) for x in names[key]] for key in ("state", "action", "cameras"))

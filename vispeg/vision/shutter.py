@@ -46,7 +46,7 @@ class Shutter:
         return np.array([-half, half]) - self.delay
 
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the times (k,) s of the strips of rows after the stamp, and (m,) s of the looks after these.
+        """Return the times (k,) s of the strips of rows from the stamp, and (m,) s of the looks from their strip.
 
         A look is a moment within the exposure.
         """
@@ -71,7 +71,7 @@ def exposed(predictor: Predictor, camera: str, shutter: Shutter, path: Path, tim
 def exposed_borders(
     predictor: Predictor, camera: str, shutter: Shutter, path: Path, time: float
 ) -> tuple[Rendering, Borders]:
-    """Draw one frame as `exposed` does, with its borders: of each strip where they are when its rows are read."""
+    """Draw one frame as `exposed` does, and return its borders too, each where it is when its strip of rows is read."""
     strips, pieces = [], []
     for k, at in enumerate(_strips(shutter)):
         rendering = _open(predictor, camera, path(time + at))

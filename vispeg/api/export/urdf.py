@@ -97,7 +97,7 @@ def _mimics(model: mujoco.MjModel) -> dict[int, int]:
 
 
 def _lacking(model: mujoco.MjModel, plain: mujoco.MjModel, mimics: Mapping[int, int]) -> tuple[str, ...]:
-    """Return what of a model URDF has no element for; `plain` is it without effects, whose shapes are exported."""
+    """Return the features of `model` that URDF has no element for; shapes are those of `plain`, without effects."""
     of = [model.joint(j).name for j in range(model.njnt)]
     sprung = (model.jnt_stiffness > 0) | model.jnt_stiffnesspoly.any(axis=1)
     curved = model.dof_dampingpoly[model.jnt_dofadr].any(axis=1)
@@ -179,7 +179,7 @@ def _shapes(
     meshes: str,
     files: dict[str, bytes],
 ) -> None:
-    """Add the visual shapes of the robot's file that URDF supports, and collect mesh files in `files`.
+    """Add the body's shapes that URDF supports, collision shapes too, as visual ones; collect mesh files in `files`.
 
     Sizes and poses are those of the compiled `model` of `spec`, since a file may state them in several ways.
     """
@@ -254,10 +254,11 @@ def _joint(
     low, high = model.jnt_range[j] if limited else (-np.pi, np.pi)
     at = robot.joints.index(name) if name in robot.joints else None
     most = {"effort": robot.torque_limit, "velocity": robot.velocity_limit}
+    # 0 stands for an unknown limit, as `vispeg.robots.urdf` reads it
     ends = {key: 0.0 if at is None or not np.isfinite(v[at]) else float(v[at]) for key, v in most.items()}
     xml.SubElement(joint, "limit", {k: f"{v:.12g}" for k, v in {"lower": low, "upper": high, **ends}.items()})
     if j in mimics:
         at, offset, factor = model.eq_obj2id[mimics[j]], *model.eq_data[mimics[j], :2]
-        rest, other = model.qpos0[model.jnt_qposadr[[j, at]]]  # the coupling is of angles from there
+        rest, other = model.qpos0[model.jnt_qposadr[[j, at]]]  # MuJoCo couples the deviations from these angles
         line = {"multiplier": f"{factor:.12g}", "offset": f"{rest + offset - factor * other:.12g}"}
         xml.SubElement(joint, "mimic", {"joint": model.joint(int(at)).name, **line})

@@ -1,4 +1,7 @@
-"""Make a shard as a Parquet file with one row group per episode; its indices count from 0 until it is placed."""
+"""Make a shard as a Parquet file with one row group per episode.
+
+Its episode and frame indices count from 0; `vispeg.datasets.lerobot.place` adds the numbers of those before the shard.
+"""
 
 from __future__ import annotations
 

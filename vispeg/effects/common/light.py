@@ -38,7 +38,7 @@ def to_srgb(light: np.ndarray) -> np.ndarray:
 
 
 def colour(frame: Frame) -> np.ndarray | None:
-    """Return colour as rendered (n, H, W, 3): the frame's `colour`, else its `rgb`; None if it has neither."""
+    """Return the frame's `colour` (n, H, W, 3), which no effect changes, else its `rgb`; None if it has neither."""
     return frame.rgb if frame.colour is None else frame.colour
 
 

@@ -16,7 +16,7 @@ from vispeg.vision.geometry import Geometry
 from vispeg.vision.predict import Predictor, Rendering, through_sensor
 from vispeg.worlds.world import World
 
-MOST = 16  # largest number of frames per sight: a figure averages thousands of pixels
+MOST = 16  # largest number of frames per sight; few suffice: a figure of the sensor averages thousands of pixels
 DRAWS = 100_000  # stride of seeds between two draws of one frame: more than a recording has frames
 LATER = 0.01  # s, step of the finite difference for the camera's velocity
 SEED = 7  # of the sensor noise: the same in every world, so that differences are due to the world
@@ -54,6 +54,7 @@ class Shot:
         """
         sensor = world.only(lambda e: kinds(effect(e.effect)))
         seed = SEED + self.number + DRAWS * draw
+        # the rendering has the lens's distortion already
         return through_sensor(sensor, self.rendering, seed, self.velocity, bend=False)
 
 
@@ -63,17 +64,18 @@ def shots_of(predictor: Predictor, sight: Sight, world: World, posture: np.ndarr
     Args:
         predictor: of the cell.
         sight: frames of one camera.
-        world: aligned to the borders.
+        world: with the effects that the borders showed.
         posture: (frames, nj) rad to add to the measured angles so that the borders fit in each frame.
     """
     predictor.see(world)
+    # `late`: s from the stamp to the exposure, negative if the image is delayed
     name, late, out = sight.camera.name, -delay_of(predictor.world, sight.camera.name), []
     for i in np.linspace(0, len(sight) - 1, min(MOST, len(sight))).round().astype(int):
         (before,), (q,), (after,) = (sight.at(np.array([i]), late + t) for t in (-LATER, 0.0, LATER))
         if not np.isfinite([before, q, after]).all():
             continue
         picture = predictor.draw(name, q + posture[i])
-        borders = borders_of(picture, predictor.geometry, step=3.0)
+        borders = borders_of(picture, predictor.geometry, step=3.0)  # px
         velocity, flow = _motion(predictor.geometry, name, borders, before + posture[i], after + posture[i])
         measured = sight.rgb(int(i)), sight.depth(int(i))
         fixed, again = _fixed(predictor, picture), sight.again(int(i))
@@ -98,5 +100,6 @@ def _motion(
 def _fixed(predictor: Predictor, picture: Rendering) -> np.ndarray:
     """Return (H, W) bool: pixels of parts without a geom that moves with the arm."""
     geometry = predictor.geometry
+    # `table`: the label of each geom, and a last entry for no geom
     moving = geometry.table[:-1][geometry.model.body_weldid[geometry.model.geom_bodyid] != 0]
     return (picture.parts > 0) & ~np.isin(picture.parts, moving)

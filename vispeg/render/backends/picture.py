@@ -52,7 +52,7 @@ class Backend(Protocol):
         ...
 
     def upload(self, texture: int) -> None:
-        """Draw the texture with this index from its changed pixels in the model from now on."""
+        """Take the changed pixels of the texture with this index from the model for all later pictures."""
         ...
 
     def close(self) -> None:
@@ -70,7 +70,8 @@ def colours(model: mujoco.MjModel) -> np.ndarray:
 
 def alphas(model: mujoco.MjModel) -> np.ndarray:
     """Return the alphas (ngeom,) of `colours`, faster."""
-    if (model.mat_rgba[:, 3] == DEFAULT_RGBA[3]).all():  # then a geom's own alpha equals its material's
+    # if all materials have the default alpha, a geom that takes its material's colour has the right alpha itself
+    if (model.mat_rgba[:, 3] == DEFAULT_RGBA[3]).all():
         return model.geom_rgba[:, 3]
     return colours(model)[:, 3]
 

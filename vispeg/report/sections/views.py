@@ -16,7 +16,7 @@ VIEWS = 8  # most views that are shown
 ENLARGED = 4.0  # factor by which displacements are drawn
 PINK, TEAL = (216, 27, 96), (0, 150, 136)  # colours of edges before and after
 LEAST = 0.5  # px, smallest displacement drawn as a line
-UNUSUAL = 0.8  # a sensor's figure is shown above this multiple of the usual value
+UNUSUAL = 0.8  # deviation above which a sensor's figure is shown, as a share of the difference between good cameras
 AWAY = 12.0  # mm, depth difference drawn in full red or blue
 
 

@@ -306,7 +306,7 @@ def _names(values: Mapping[str, Any]) -> list[str]:
 
 
 def _among(names: Sequence[str]) -> str:
-    return join(names, "or") if len(names) <= MOST_RIVALS else f"{join(names[:2], ', ')} and {len(names) - 2} more"
+    return join(names, "or") if len(names) <= MOST_RIVALS else f"{', '.join(names[:2])} and {len(names) - 2} more"
 
 
 def _tentative(values: Mapping[str, Any]) -> list[Mapping[str, Any]]:

@@ -53,7 +53,6 @@ class TaskEnv(gym.Env):
         At the end of an episode `info` holds the entries of its record (`EpisodeResult`), and the record itself as
         `record`. With images, `info` always holds `cameras`.
         """
-        self.vec._ended[:] = False  # the caller resets
         reward, terminated, truncated, (record,) = self.vec.advance(np.asarray(action, float)[None])
         self.vec.look([0])
         obs = {k: v[0] for k, v in self.vec._observe().items()}

@@ -46,6 +46,7 @@ AMPERES = {"ma": "mA", **dict.fromkeys(("milliamp", "milliamps", "milliampere", 
 OTHER = {  # quantity -> words that name it, and the reason why it is not used
     "acceleration": ({"ddq", "qdd", "acc", "acceleration", "accelerations", "beschleunigung"},
                      "accelerations are not used"),
+    # `ma` is a unit in the name of a current, but does not name a current by itself
     "current": ({"current", "currents", "curr", "macur", "iq", "strom", *AMPERES} - {"ma"}, "measured torque is there, "
                 "so that currents are not used"),
     "external": ({"ext", "external"}, "an estimate of external torque, not what the joint felt"),
@@ -54,7 +55,7 @@ OTHER = {  # quantity -> words that name it, and the reason why it is not used
     "error": ({"error", "err", "fehler"}, "a difference follows from the others"),
     "raw": ({"counts", "ticks", "raw", "pwm"}, "raw counts: their scale is not known"),
     "tool": ({"tcp", "cartesian"}, "a pose, speed or force of the tool, not of a joint"),
-    "share": (set[str](), "in % of a value that no name states; a torque's may be load.JOINT of a map"),
+    "share": (set[str](), "in % of an unknown value; a map can name it load.JOINT if it is a torque"),
     "jerk": ({"jerk", "dtau"}, "derivatives are not used"),
 }  # fmt: skip
 COMMANDED = {"cmd", "command", "commanded", "commands", "des", "desired", "target", "targets", "setpoint", "setpoints",
@@ -67,6 +68,7 @@ WHOLE = {  # words of KUKA's RSI that state both the quantity and whether it is 
 RATE_OF = {"q": "dq", "dq": "acceleration", "acceleration": "jerk", "tau": "jerk"}  # quantity -> its derivative
 DOTS = {"dot": 1, "ddot": 2}  # word -> how many times a name's quantity is differentiated
 NO_JOINT = {"tcp", "rx", "ry", "rz", "camera", "gyro", "imu"}  # columns that have a unit but belong to no joint
+# words that neither state anything nor identify a joint
 FILL = {"field", "data", "value", "values", "robot", "arm", "joint", "joints", "axis", "axes", "states", "j", "motor",
         "measuredjoint", "commandedjoint", "msg", "lbr", "js", "gelenk", "achse", "ee", "hat", "filtered"}  # fmt: skip
 
@@ -144,7 +146,7 @@ def _quantity(words: Sequence[str]) -> tuple[str, str, set[int]]:
             taken.add(i)
     for i, word in enumerate(words):
         for _ in range(DOTS.get(word, 0) if quantity in RATE_OF else 0):  # `q_dot`, `thetaDot`
-            quantity, said = RATE_OF[quantity], f"{said}_dot"
+            quantity, said = RATE_OF.get(quantity, quantity), f"{said}_dot"
             taken.add(i)
     for kind, (vocabulary, _) in OTHER.items():
         named = [word for word in words if word in vocabulary]
@@ -193,6 +195,7 @@ def _unit(name: str) -> tuple[str, str]:
     ]  # the last place of each unit
     if hits:
         _, unit, start, end = max(hits, key=itemgetter(0))
+        # `start` and `end` are places in `flat`; `name`, if as long, keeps the case by which `split` divides words
         whole = name if len(flat) == len(name) else flat
         return unit, whole[:start] + "_" + whole[end:]
     if hit := re.search(LONE_S, name.lower()):
