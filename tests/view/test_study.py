@@ -156,7 +156,7 @@ def test_contact_ends_with_the_names_of_the_command(tmp_path):
 
 
 def test_recordings_change_their_roles_as_in_the_command(tmp_path):
-    """The drive saturates in the first two: the held-out one shows nothing of it, so one of the two judges."""
+    """The drive saturates in the first two: the held-out one shows nothing of it, so one of the two judges too."""
     robot, heard = pendulum(), Heard()
     for i, size in enumerate((0.4, 0.35, 0.02)):
         swing = size * (1 - np.cos(2 * np.pi * (0.9 + 0.1 * i) * np.arange(600) * 5e-3))
@@ -166,11 +166,11 @@ def test_recordings_change_their_roles_as_in_the_command(tmp_path):
     made = study(tmp_path, tmp_path / "out", heard=heard, model=robot.source)
     assert any("judges" in text for at, text in heard if at == "say")
     made.show()
-    assert [track.name for track in heard.last("standing").tracks] == ["rig-a"]
+    assert [track.name for track in heard.last("standing").tracks] == ["rig-c", "rig-a"]
     made.run()
     sides = [tmp_path / "rig-a", tmp_path / "rig-b"], tmp_path / "rig-c"
     command = diagnose(str(robot.source), *sides, threads=1, part=made.part)
-    assert command.record["recordings"] == {"fit": ["rig-b", "rig-c"], "validate": ["rig-a"]}
+    assert command.record["recordings"] == {"fit": ["rig-b"], "validate": ["rig-c", "rig-a"]}
     assert made.rungs[0].error == pytest.approx(command.record["ladder"][0]["heldout_error"], rel=1e-9)
     assert made.state.world.label == command.world.label and made.state.world.values == command.world.values
 
