@@ -121,6 +121,19 @@ def test_an_effect_that_is_not_needed_given_the_others_is_removed():
     assert not remove_unneeded(searching, state, 0), "the only one is not asked for"
 
 
+def test_a_search_that_leaves_an_error_ends():
+    """A fixture that gives way explains little of a friction; no move of joints, as an exchange, is tried on it."""
+    evidence = evidence_of([recorded((FRICTION,))])
+    evidence.absent = {("fixture_compliance", name) for name in ("x", "y", "roll", "pitch")}
+    searching = ContactSearch(evidence, Judge(evidence_of([recorded((FRICTION,), 2)])))
+    state = searching.start(World(), 0)
+    (fit,) = searching.fits([World().add(FIXTURE)], 0, iterations=1)
+    state.take(fit, searching.judge.losses([fit.world])[0])
+    assert searching.judge.mean(state.loss) > RULES.at_floor * searching.judge.floor(state.world)
+    assert any(way(state, 0) for way in searching.ways(state, 0)[1:]), "all but a further addition"
+    assert state.concluded and not searching.move(state, 0)
+
+
 @pytest.mark.slow
 def test_rivals_are_equal_within_what_chance_makes_of_lasting_errors():
     """One that is worse by less than a held-out confirmation, in all blocks alike, is as good; not one that explains

@@ -118,8 +118,14 @@ class ContactSearch(Search):
         return super().start(world, n_fixed)
 
     def ways(self, state: State, n_fixed: int) -> Sequence[Callable[[State, int], bool]]:
-        """Return the moves as for joints, and the conclusion as the last one."""
-        return () if state.concluded else (*super().ways(state, n_fixed), self._conclude)
+        """Return the moves: adding an effect, if worth it, and the conclusion.
+
+        Revisions and exchanges of joint effects have nothing to act on here, and rivals are named beside an effect of
+        contact and do not replace it.
+        """
+        if state.concluded:
+            return ()
+        return (self.advance, self._conclude) if self.worth_it(state, n_fixed) else (self._conclude,)
 
     def _conclude(self, state: State, n_fixed: int) -> bool:
         """Remove effects that the others make superfluous or that may be absent; return whether any was fitted.
@@ -331,10 +337,6 @@ class ContactSearch(Search):
         free = self.free(world)
         asked = ["contact gain", model_text(world), placed_dict(placed), list(free)]
         return self.progress.recall(asked, lambda: Screen(self.evidence, world, free).gain(placed))
-
-    def _replace(self, state: State, n_fixed: int) -> bool:
-        """Do nothing: rivals are named beside an effect of contact, and do not replace it."""
-        return False
 
     def _grow(self, state: State, placed: EffectInstance, n_fixed: int) -> None:
         """Do nothing: no effect of contact contains another one."""
