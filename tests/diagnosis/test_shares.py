@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from loops import drive, hinge, pendulum, recorded
+from loops import hinge, pendulum, swings
 
 from vispeg.core.effect import EffectInstance
-from vispeg.core.seeds import stream
 from vispeg.diagnosis.compare import compare
 from vispeg.diagnosis.conclusion.shares import share, shares
 from vispeg.diagnosis.run import diagnose
@@ -20,20 +19,12 @@ from vispeg.identify.inverse import evidence_for
 from vispeg.worlds.model_file import load_model, write_model
 from vispeg.worlds.world import World
 
-SECONDS, RATE = 3.0, 200.0
 BOTH = hinge("viscous_friction", damping=0.5).add(EffectInstance.of("joint_bias", "hinge", torque=0.4))
 
 
-def swings(hidden: World):
-    """Three swings of a pendulum with hidden effects."""
-    robot, out = pendulum(), []
-    t = np.arange(round(SECONDS * RATE)) / RATE
-    for i in range(3):
-        swing = 0.4 * (1 - np.cos(2 * np.pi * (0.5 + 0.2 * i) * t))[:, None]
-        s = drive(robot, "position", 0.0, command=swing, seconds=SECONDS, rate=RATE, kp=60.0, kd=4.0)
-        rec = recorded(robot, robot.source, hidden, s, stream(5, i))
-        out.append(replace(rec, path=Path(f"swing-{i}")))
-    return out
+def recordings(hidden: World):
+    """Three swings of a pendulum with hidden effects, each by a name of its own."""
+    return [replace(rec, path=Path(f"swing-{i}")) for i, rec in enumerate(swings(hidden, 3, 3.0))]
 
 
 def compared_without(world: World, k: int, folder: Path, recording):
@@ -50,7 +41,7 @@ def times(record) -> float:
 
 
 def test_what_an_effect_explains_is_what_models_without_it_and_without_any_lack(tmp_path):
-    *_, held = swings(BOTH)
+    *_, held = recordings(BOTH)
     world = replace(BOTH, robot=pendulum().source)
     judge = Judge(evidence_for([held], 1))
     nominal = World(world.robot)
@@ -76,7 +67,7 @@ def test_where_the_user_s_model_is_at_the_floor_there_is_nothing_to_share():
 def test_of_two_found_effects_json_model_file_and_page_say_the_same(tmp_path):
     from vispeg.report.build import read
 
-    *fitted, held = swings(BOTH)
+    *fitted, held = recordings(BOTH)
     found = diagnose(World(pendulum().source), fitted, [held], nthread=1, plan_next=False)
     record = found.record
     assert {e["effect"] for e in record["effects"]} == {e.effect for e in BOTH.effects}

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from loops import drive, hinge, pendulum, recorded
+from loops import hinge, pendulum, swings
 
 from vispeg.core.effect import EffectInstance
-from vispeg.core.seeds import stream
 from vispeg.diagnosis.run import diagnose
 from vispeg.worlds.world import World
 
@@ -16,14 +15,10 @@ SECONDS, RATE = 3.0, 200.0
 
 def diagnosed(hidden: World, *, rattle: float = 0.0):
     """The diagnosis of three swings of a pendulum; its mount rattles by `rattle`, rad, at 7 Hz."""
-    robot, out = pendulum(), []
     t = np.arange(round(SECONDS * RATE)) / RATE
-    for i in range(3):
-        swing = 0.4 * (1 - np.cos(2 * np.pi * (0.5 + 0.2 * i) * t))[:, None]
-        s = drive(robot, "position", 0.0, command=swing, seconds=SECONDS, rate=RATE, kp=60.0, kd=4.0)
-        rec = recorded(robot, robot.source, hidden, s, stream(5, i))
-        out.append(replace(rec, q=rec.q + rattle * np.sin(2 * np.pi * 7.0 * t + i)[:, None]))
-    return diagnose(World(robot.source), out[:2], out[2:], nthread=1, plan_next=False)
+    shaken = [rattle * np.sin(2 * np.pi * 7.0 * t + i)[:, None] for i in range(3)]
+    out = [replace(rec, q=rec.q + q) for rec, q in zip(swings(hidden, 3, SECONDS), shaken, strict=True)]
+    return diagnose(World(pendulum().source), out[:2], out[2:], nthread=1, plan_next=False)
 
 
 def test_the_right_model_is_adequate():
