@@ -139,10 +139,15 @@ def louder(evidence: Evidence, judged: Evidence, world: World) -> tuple[list[Rec
 
 def halves(rec: Recording) -> tuple[Recording, Recording]:
     """Return the first and the second half of a recording."""
-    middle, out = len(rec.time) // 2, []
+    middle, out = _middle(rec), []
     for name, rows in (("first", slice(None, middle)), ("second", slice(middle, None))):
         out.append(replace(rec.some(rows), path=rec.path.with_name(f"{rec.name}, {name} half")))
     return out[0], out[1]
+
+
+def _middle(rec: Recording) -> int:
+    """Return the index of the first sample of a recording's second half."""
+    return len(rec.time) // 2
 
 
 def continued(rec: Recording) -> Recording:
@@ -152,10 +157,8 @@ def continued(rec: Recording) -> Recording:
     saturates, a rollout of the correct model from the cut is up to 10,000 noise variances off (43 in a case of
     scripts/bench/hidden_effects), a rollout from the start of the recording 1 to 3.
     """
-    middle = len(rec.time) // 2
-    return replace(
-        rec, compared=np.arange(len(rec.time)) >= middle, path=rec.path.with_name(f"{rec.name}, second half")
-    )
+    second = np.arange(len(rec.time)) >= _middle(rec)
+    return replace(rec, compared=second, path=rec.path.with_name(f"{rec.name}, second half"))
 
 
 def shown(evidence: Evidence, world: World) -> list[float]:
