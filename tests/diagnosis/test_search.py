@@ -9,26 +9,20 @@ from fits import evidence, fit, judge, lost
 from loops import ARM, drive, recorded
 
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.core.rules import RULES, varied
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.evidence.signatures import at_bound
 from vispeg.diagnosis.findings import Gain, Score, Trial
 from vispeg.diagnosis.run import diagnose
 from vispeg.diagnosis.selection.accept import in_order, refusal
-from vispeg.diagnosis.selection.aliases import remove_aliases, remove_stuck_members
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.search import Search, suspects
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.fit import Fit, fit_job
-from vispeg.identify.pool import run_together
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
 
 FRICTION = EffectInstance.of("coulomb_friction", "shoulder", torque=0.8)
-ELBOW = EffectInstance.of("encoder_offset", "elbow", offset=1e-6)
-LAG = EffectInstance.of("actuator_lag", "shoulder", time_constant=1e-4)
 
 
 def made(folder: Path, friction: float, push: float = 0.0) -> list[Recording]:
@@ -214,111 +208,6 @@ def test_the_fit_of_an_accepted_effect_goes_on_until_it_has_converged(recordings
     search.take(state, tried, [tried], 0)
     assert not fit.converged and state.fit is not None and state.fit.converged
     assert state.world.effects[0].params["torque"].value == pytest.approx(0.8, rel=1e-3)
-
-
-class Knowing(Search):
-    """A search that tries one effect, the answer, if there is one; its fits move nothing.
-
-    Attributes:
-        begun: worlds to which it tried to add the answer.
-    """
-
-    def __init__(self, recordings, answer: EffectInstance | None = None):
-        super().__init__(Evidence(recordings[:2]), Judge(Evidence(recordings[2:])))
-        self.answer, self.begun = answer, []
-
-    def fits(self, worlds, n_fixed, **how):
-        """Fit without a step from the values of each world."""
-        return [self._held(w) for w in worlds]
-
-    def _held(self, world: World) -> Fit:
-        job = fit_job(self.evidence, world, range(len(world.effects)), iterations=1)
-        fit = run_together([job], self.evidence.residuals)[0]
-        return replace(fit, world=world, residual=self.evidence.residuals([world])[0])
-
-    def offers(self, state, n_fixed):
-        """Try the answer."""
-        self.begun.append(state.world)
-        if self.answer is None:
-            return []
-        (fit,) = self.fits([state.world.add(self.answer)], n_fixed)
-        (loss,) = self.judge.losses([fit.world])
-        return [Trial(Score(self.answer, 1.0), fit, loss, self.judge.gain(state.loss, loss))]
-
-    def settle(self, state, trial, before, n_fixed):
-        """Leave the accepted effects as they are."""
-
-
-def test_an_effect_at_its_bound_is_removed_where_the_search_gets_further_without_it(recordings):
-    """A limit that was taken for friction: beside it the friction gains little, in its place all."""
-    search = Knowing(recordings, FRICTION)
-    stall = effect("torque_speed_limit").params["stall"].low
-    shadow = EffectInstance.of("torque_speed_limit", "shoulder", stall=stall, no_load=0.3)
-    bare = World(recordings[0].robot)
-    state = search.start(bare.add(shadow), 0)
-    shadowed = search.judge.mean(state.loss)
-    assert at_bound(state.world.effects[0])
-    assert remove_aliases(search, state, 0) and search.begun == [bare]
-    assert [e.label for e in state.world.effects] == ["coulomb_friction(shoulder)"]
-    assert search.judge.mean(state.loss) < 0.01 * shadowed
-    before = state.world
-    assert not remove_aliases(search, state, 0) and state.world == before, "nothing stands at a bound any more"
-
-
-def test_an_effect_at_its_bound_stays_where_nothing_better_is_found(recordings):
-    search = Knowing(recordings)
-    shadow = EffectInstance.of("torque_gain", "shoulder", gain=effect("torque_gain").params["gain"].low)
-    bare = World(recordings[0].robot)
-    state = search.start(bare.add(shadow), 0)
-    assert not remove_aliases(search, state, 0) and [e.effect for e in state.world.effects] == ["torque_gain"]
-    assert search.begun == [bare]
-
-
-def test_a_lag_of_one_joint_beside_one_of_all_goes_where_the_search_gets_further_without_it(recordings):
-    """A lag of one joint that was taken for its friction; with none of all joints beside it, it stays."""
-    search = Knowing(recordings, FRICTION)
-    bare, every = World(recordings[0].robot), EffectInstance.of("command_delay", "all", delay=1e-4)
-    with varied(far=np.inf):  # however much is left
-        assert not remove_aliases(search, search.start(bare.add(ELBOW, LAG), 0), 0) and not search.begun
-        for fixed in (0, 1):
-            state = search.start(bare.add(every, LAG), fixed)
-            assert remove_aliases(search, state, fixed) and search.begun.pop() == bare.add(every)
-            assert [e.label for e in state.world.effects] == ["command_delay(all)", "coulomb_friction(shoulder)"]
-
-
-def test_where_much_is_left_the_joint_with_the_greatest_error_is_asked_again_for_what_every_arm_has(recordings):
-    """A lag of the shoulder, whose dry friction is missing; what every arm has stays there, and what is elsewhere."""
-    search = Knowing(recordings, FRICTION)
-    viscous = EffectInstance.of("viscous_friction", "shoulder", damping=1e-6)
-    bare = World(recordings[0].robot)
-    state = search.start(bare.add(ELBOW, viscous, LAG), 0)
-    assert search.judge.mean(state.loss) > RULES.far
-    assert remove_aliases(search, state, 0) and search.begun == [bare.add(ELBOW, viscous)]
-    assert {e.label for e in state.world.effects} == {e.label for e in (ELBOW, viscous, FRICTION)}
-    explained = search.start(bare.add(ELBOW, LAG, FRICTION), 0)
-    assert search.judge.mean(explained.loss) < RULES.far and not remove_aliases(search, explained, 0)
-    assert not remove_aliases(search, search.start(bare.add(LAG), 0), 0), "with nothing else a search begins so"
-
-
-def test_the_same_removal_is_tried_once(recordings):
-    search = Knowing(recordings)
-    state = search.start(World(recordings[0].robot).add(ELBOW, LAG), 0)
-    for _ in range(2):
-        assert not remove_aliases(search, state, 0) and len(search.begun) == 1
-
-
-@pytest.mark.parametrize("worth", [True, False])
-def test_a_member_of_a_group_at_its_bound_goes_at_once_if_the_others_are_worth_having(recordings, worth):
-    search, bare = Knowing(recordings), World(recordings[0].robot)
-    gain = EffectInstance.of("torque_gain", "shoulder", gain=effect("torque_gain").params["gain"].low)
-    other = EffectInstance.of("coulomb_friction", "shoulder" if worth else "elbow", torque=0.8)
-    (before,) = search.judge.losses([bare])
-    state = search.start(bare.add(gain, other), 0)
-    score = Score(gain, 1.0, (other,))
-    state.steps, state.last = [(replace(trial("torque_gain", 90.0), score=score), [])], [trial("cogging", 90.0)]
-    remove_stuck_members(search, state, before, score, 0)
-    assert [e.effect for e in state.world.effects] == ["coulomb_friction"] if worth else len(state.world.effects) == 2
-    assert len(state.last) == (not worth) and len(state.steps) == 1
 
 
 @pytest.mark.parametrize(("touch", "share"), [(5.0, 5.0 / 100.0), (500.0, 1.0)])

@@ -554,13 +554,6 @@ class Exchanged:
         case="effects at a bound in place of others")
     exchanges: int = _rule(3, "all", "fbd72ba7",
         "Greatest number of exchanges of an effect with its rival.")
-    on_steps: int = _rule(3, "joints", "7abebd9a",
-        "Steps that a search without a doubtful effect may take to become better than with it.",
-        case="a wrist's voltage limit at its bound, in place of its friction, rotor inertia and bias",
-        tried="off, no change on coulomb_friction/joint4/small of seed 4711 (b8ca1027)")
-    gather_steps: int = _rule(1, "joints", "39bb29f5",
-        "Steps that a search with one load in place of several links may take to become better.",
-        case="a payload that was added as masses and centres of three links")
     decisive: float = _rule(0.5, "joints", "3fbb93d7",
         "Share of the remaining error that a richer effect in place of a simple one must remove.",
         case="gear play that was taken for a rotor's inertia")

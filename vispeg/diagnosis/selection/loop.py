@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from copy import copy
 from typing import Any
 
 from vispeg.diagnosis.findings import Trial
@@ -39,8 +38,8 @@ class Loop(ABC):
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
         """Add the effects of `trial`, one of `trials`, to the state."""
 
-    def settle(self, state: State, trial: Trial, before: State, n_fixed: int) -> None:
-        """Revise a state after the addition of `trial` to the state `before`; by default not at all.
+    def settle(self, state: State, trial: Trial, n_fixed: int) -> None:
+        """Revise a state after the addition of `trial`; by default not at all.
 
         A search may refine the added effect and remove superfluous ones.
         """
@@ -79,7 +78,7 @@ class Loop(ABC):
 
     def advance(self, state: State, n_fixed: int) -> bool:
         """Add the best candidate that passes; return False if none does, or if it was removed again."""
-        before = copy(state)
+        before = state.world.label
         self.announce(state)
         trials = self.offers(state, n_fixed)
         best = next((t for t in trials if not t.rejected), None)
@@ -87,8 +86,8 @@ class Loop(ABC):
             state.last = trials
             return False
         self.take(state, best, trials, n_fixed)
-        self.settle(state, best, before, n_fixed)
-        return state.world.label != before.world.label  # the added effect may have been removed again
+        self.settle(state, best, n_fixed)
+        return state.world.label != before  # the added effect may have been removed again
 
     def worth_it(self, state: State, n_fixed: int) -> bool:
         """Return whether another effect may be added: fewer were added than the evidence allows."""

@@ -13,10 +13,9 @@ from itertools import combinations
 
 import numpy as np
 
-from vispeg.core.effect import Effect, EffectInstance, effect, searchable
+from vispeg.core.effect import Effect, EffectInstance, searchable
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, joint_z
-from vispeg.diagnosis.evidence.screen import candidates
 from vispeg.diagnosis.evidence.signatures import guessed
 from vispeg.diagnosis.findings import Score
 from vispeg.diagnosis.selection.searching import Searching
@@ -68,17 +67,6 @@ def _best(starts: Sequence[Sequence[EffectInstance]], squared: Sequence[float], 
         if not any(_same_start(starts[k], starts[other]) for other in out):
             out.append(k)
     return out
-
-
-def all_common(search: Searching, state: State, missing: Sequence[MissingTorque]) -> list[Score]:
-    """Return the score of all effects together that every arm has and the world lacks in the joint that misses most.
-
-    Empty if there is only one such effect (`Effect.common`).
-    """
-    worst = _worst(search, missing)
-    lacking = candidates(search.evidence, state.world, [worst])
-    group = [(name, where) for name, where in lacking if where == worst and effect(name).common]
-    return search.screened(state.world, state.residual, state.fit, [], missing, [group]) if len(group) > 1 else []
 
 
 def _kinds(search: Searching, state: State, joint: str) -> Iterator[tuple[Effect, Effect]]:

@@ -84,7 +84,7 @@ class PlainSearch(Loop, Shown):
         state.screening = [t.score for t in trials]
         return trials
 
-    def settle(self, state: State, trial: Trial, before: State, n_fixed: int) -> None:
+    def settle(self, state: State, trial: Trial, n_fixed: int) -> None:
         """Remove effects that the added one made superfluous."""
         self._prune(state, n_fixed)
 

@@ -16,12 +16,10 @@ from vispeg.diagnosis.findings import Score, Trial
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.scale import floors
 from vispeg.diagnosis.selection.accept import in_order, passes, ranked
-from vispeg.diagnosis.selection.aliases import remove_aliases, remove_stuck_members
-from vispeg.diagnosis.selection.gather import gathered
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.law import grow, refined
 from vispeg.diagnosis.selection.loop import Loop
-from vispeg.diagnosis.selection.pairs import all_common, pairs
+from vispeg.diagnosis.selection.pairs import pairs
 from vispeg.diagnosis.selection.proposals import Proposals
 from vispeg.diagnosis.selection.prune import prune
 from vispeg.diagnosis.selection.shown import Shown
@@ -68,8 +66,7 @@ class Search(Loop, Shown, Proposals):
 
     def ways(self, state: State, n_fixed: int) -> Sequence[Callable[[State, int], bool]]:
         """Return the moves: adding an effect and revisions, if worth it; then exchanges, and rivals as replacements."""
-        revise = partial(refined, self), partial(remove_aliases, self), partial(gathered, self)
-        moves = (self.advance, *revise) if self.worth_it(state, n_fixed) else ()
+        moves = (self.advance, partial(refined, self)) if self.worth_it(state, n_fixed) else ()
         return (*moves, self._exchange, self._replace)
 
     def _exchange(self, state: State, n_fixed: int) -> bool:
@@ -124,11 +121,9 @@ class Search(Loop, Shown, Proposals):
         """Report the model and its held-out error."""
         self.say(f"{state.world.label}: held-out {floors(self.judge.mean(state.loss))} x noise; screening")
 
-    def settle(self, state: State, trial: Trial, before: State, n_fixed: int) -> None:
-        """Remove group members without effect, replace a single effect by a richer one if better, then prune."""
-        if trial.score.beside:
-            remove_stuck_members(self, state, before.loss, trial.score, n_fixed)
-        else:
+    def settle(self, state: State, trial: Trial, n_fixed: int) -> None:
+        """Replace a single effect by a richer one if that is better, then remove superfluous effects."""
+        if not trial.score.beside:
             self._grow(state, trial.score.placed, n_fixed)
         prune(self, state, n_fixed)
 
@@ -147,9 +142,8 @@ class Search(Loop, Shown, Proposals):
         1. In the first step only, the set of effects that the torques propose. If it passes, no groups are tried.
         2. Effects of the joints that miss most torque (`suspects`) and at all places that are no joints; also groups,
            if there are several such joints. With groups, and in all later steps, also several linear effects at once.
-        3. If nothing passed, or only candidates at a bound: several effects at once in the joint that misses most. They
-           are pairs of distant effects, unless 2 included groups, and, if a candidate passed at a bound, all effects
-           that every arm has.
+        3. If nothing passed, or only candidates at a bound: pairs of distant effects in the joint that misses most,
+           unless 2 included groups.
         4. Groups, if neither 1 passed nor 2 included them: one light joint with a large error may hide the others. They
            are left out if a sound candidate passed and this is a later step, or in the first step leaves only noise.
         5. If nothing passed, effects of the other joints, whose missing torque the first joints may hide. The places
@@ -166,7 +160,6 @@ class Search(Loop, Shown, Proposals):
         trials = in_order(self.judge, state, trials + proposed) if proposed else trials
         if not passes(trials):
             scores = [] if common else shortlist(pairs(self, state, missing), RULES.fitted)
-            scores += all_common(self, state, missing) if any(not t.rejected for t in trials) else []
             trials = self.try_all(state, scores, n_fixed, len(near)) + trials
         later = [] if common or passes(proposed) else self._common_groups(state)
         if later and not (

@@ -1,4 +1,4 @@
-"""The interface of a search to its steps (`law`, `prune`, `aliases`, ...), so that each can be read without the other.
+"""The interface of a search to its steps (`law`, `prune`, `pairs`, ...), so that each can be read without the other.
 
 A place is (effect, where). A score is a candidate with its predicted gain, a trial a candidate fitted and judged. In
 all methods the effects of a world after the first `n_fixed` are fitted.
@@ -85,29 +85,6 @@ class Searching(Testing, Protocol):
         """Return the missing torque of every fitted item under a world."""
         ...
 
-    def screened(
-        self,
-        world: World,
-        residual: np.ndarray,
-        fit: Fit | None,
-        places: Sequence[tuple[str, str]],
-        missing: Sequence[MissingTorque],
-        groups: Sequence[Sequence[tuple[str, str]]] = (),
-    ) -> list[Score]:
-        """Return the scores of places and groups when added to a world, best first; see `Proposals.screened`."""
-        ...
-
-    def screened_alone(
-        self,
-        world: World,
-        residual: np.ndarray,
-        fit: Fit | None,
-        places: Sequence[tuple[str, str]],
-        missing: Sequence[MissingTorque],
-    ) -> list[Score]:
-        """Return the scores of single places, best first; arguments are as in `screened`."""
-        ...
-
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
         """Return candidates in place of `placed`, which the state lacks, best first, and the number screened."""
         ...
@@ -164,12 +141,4 @@ class Searching(Testing, Protocol):
 
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
         """Add the effects of `trial`, one of `trials`, to the state."""
-        ...
-
-    def advance(self, state: State, n_fixed: int) -> bool:
-        """Add the best candidate that passes; return False if none does."""
-        ...
-
-    def worth_it(self, state: State, n_fixed: int) -> bool:
-        """Return whether another effect may be added."""
         ...

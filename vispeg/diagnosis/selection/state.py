@@ -33,7 +33,6 @@ class State:
         screening: scores of the last screening.
         opened: the user's model with its partial effects fitted anew; None if it has none.
         cross: cross-fitted loss on the fitted recordings (`Cross`).
-        tried_removals: removals of suspected aliases that were tried: label of the world, then of the removed effects.
         slight: labels of effects that lower the held-out error, but by no visible share (`prune`).
         within_noise: whether the first error is no larger than what noise in the feedback makes
             (`noise_motion.within_noise`); then nothing is added.
@@ -52,7 +51,6 @@ class State:
     screening: list[Score] = field(default_factory=list)
     opened: World | None = None
     cross: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    tried_removals: set[tuple[str, ...]] = field(default_factory=set)
     slight: frozenset[str] = frozenset()
     within_noise: bool = False
     rivals: Sequence[Rivals] = ()

@@ -278,7 +278,7 @@ class Study:
     def _remember(self) -> None:
         """Keep a copy of the state, the ladder and the effects found without a search, for `undo`."""
         state = self._searching()[1]
-        kept = replace(state, steps=[*state.steps], tried_removals={*state.tried_removals})
+        kept = replace(state, steps=[*state.steps])
         self.before.append((kept, [*self.rungs], self.unsearched))
 
     def _rung(self, words: str) -> None:
