@@ -136,7 +136,7 @@ def main() -> int:
     with sync_playwright() as driver:
         options = ["--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader"]
         browser = driver.chromium.launch(executable_path=path, args=options)
-        context = browser.new_context(viewport=SIZE, record_video_dir=asked.out, record_video_size=SIZE)  # type: ignore[arg-type]
+        context = browser.new_context(viewport=SIZE, record_video_dir=asked.out, record_video_size=SIZE)
         context.add_init_script(POINTER)
         film = Film(context.new_page(), asked.out)
         film.page.goto(url)

@@ -17,26 +17,27 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "scripts/bench/hidden_effects")]
+sys.path.insert(0, str(Path(__file__).resolve().parent / "bench/hidden_effects"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import pyarrow as pa  # noqa: E402
-import pyarrow.parquet as pq  # noqa: E402
-from arm import Arm  # noqa: E402
-from folder import write as write_csv  # noqa: E402
-from hidden import Hide  # noqa: E402
-from loop import RATE, Run, simulate  # noqa: E402
+import pyarrow as pa
+import pyarrow.parquet as pq
+from arm import Arm
+from folder import write as write_csv
+from hidden import Hide
+from loop import RATE, Run, simulate
 
-from vispeg.api.recording.check import limits_of  # noqa: E402
-from vispeg.core.files import new_folder  # noqa: E402
-from vispeg.core.seeds import stream  # noqa: E402
-from vispeg.identify.excitation import motion  # noqa: E402
-from vispeg.recordings.checks.check import check  # noqa: E402
-from vispeg.recordings.load import load  # noqa: E402
-from vispeg.recordings.recording import Recording  # noqa: E402
-from vispeg.recordings.write import write  # noqa: E402
+from vispeg.api.recording.check import limits_of
+from vispeg.core.files import new_folder
+from vispeg.core.seeds import stream
+from vispeg.identify.excitation import motion
+from vispeg.recordings.checks.check import check
+from vispeg.recordings.load import load
+from vispeg.recordings.recording import Recording
+from vispeg.recordings.write import write
 
 SEED, SECONDS = 14, 5.0
+ASSETS = Path(__file__).resolve().parents[1] / "assets"
 HIDDEN = (
     Hide("coulomb_friction", "joint4", {"torque": 1.2}),
     Hide("payload", "flange", {"mass": 0.6, "x": 0.01, "y": 0.0, "z": 0.06}),
@@ -49,7 +50,7 @@ RIGS = {"rig-a": ("fourier", 0.75), "rig-b": ("mix", 0.4), "rig-c": ("fourier", 
 def main() -> int:
     """Make the three folders and truth.json."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=ROOT / "assets" / "recordings")
+    parser.add_argument("--out", type=Path, default=ASSETS / "recordings")
     out = parser.parse_args().out
     motions = {rig: motion(name, _paced(pace), RATE, SECONDS, stream(SEED, rig)) for rig, (name, pace) in RIGS.items()}
     runs = [Run(HIDDEN, m, "position", int(stream(SEED, "noise", rig).integers(2**31))) for rig, m in motions.items()]

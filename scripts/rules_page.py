@@ -8,12 +8,11 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from vispeg.core.rules import STEPS, Rule, rules  # noqa: E402
+from vispeg.core.rules import STEPS, Rule, rules
 
-PAGE = ROOT / "docs" / "rules.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "rules.md"
 
 
 def row(rule: Rule) -> str:

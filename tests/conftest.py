@@ -7,11 +7,11 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy: the test processes share the cores among themselves
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import pytest  # noqa: E402
-from hypothesis import settings  # noqa: E402
+import pytest
+from hypothesis import settings
 
-from vispeg.api.machine.graphics import choose_backend  # noqa: E402
-from vispeg.cli.main import GARBAGE  # noqa: E402
+from vispeg.api.machine.graphics import choose_backend
+from vispeg.cli.main import GARBAGE
 
 choose_backend()
 gc.set_threshold(GARBAGE)

@@ -78,7 +78,7 @@ def drive(
     n, nj = round(seconds * rate), len(robot.joints)
     width = 6 if mode == "osc" else nj
     gains = [np.broadcast_to(np.asarray(g, float), (width,)).copy() for g in (kp, kd)]
-    control = Control(mode, rate, compensation, *gains, nullspace)  # type: ignore[arg-type]
+    control = Control(mode, rate, compensation, *gains, nullspace)
     still = np.broadcast_to(np.asarray(q0, float), (n, nj)).copy()
     moving = np.broadcast_to(np.asarray(dq0, float), (n, nj)).copy()
     name = {"position": "q_cmd", "servo": "q_cmd", "osc": "ee_cmd"}.get(mode, "tau_cmd")

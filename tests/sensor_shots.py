@@ -43,6 +43,6 @@ def measured(kind: str, *effects: EffectInstance, model: World = LIT) -> SensorE
     for shot in some:
         rgb, depth = shot.sensed(world, lambda k: True)
         out.append(replace(shot, rgb=rgb, depth=depth))
-    evidence = sensor_evidence(scene_of(CELL), [(sight, out)], kind, model)  # type: ignore[arg-type]
+    evidence = sensor_evidence(scene_of(CELL), [(sight, out)], kind, model)
     assert evidence is not None
     return evidence

@@ -9,24 +9,22 @@ and judged on the other; the halves are the even and the odd tosses. The authors
 
 from __future__ import annotations
 
+import argparse
+import json
 import os
 import sys
+import time
+from dataclasses import replace
 from pathlib import Path
 
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
-HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE.parents[1])]
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-import argparse  # noqa: E402
-import json  # noqa: E402
-import time  # noqa: E402
-from dataclasses import replace  # noqa: E402
-
-import numpy as np  # noqa: E402
+import numpy as np
 
 RATE = 148.0  # Hz
-CUBE = HERE.parents[1] / "docs" / "examples" / "tosses" / "cube.xml"
+CUBE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "tosses" / "cube.xml"
 AUTHORS = {"friction": 0.18, "restitution": 0.125}
 
 

@@ -32,13 +32,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("MUJOCO_GL", "egl")
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from vispeg.datasets import episode  # noqa: E402
-from vispeg.datasets.shards.plan import Shard  # noqa: E402
-from vispeg.datasets.shards.shard import shard_bytes  # noqa: E402
-from vispeg.demonstrations import stage  # noqa: E402
-from vispeg.demonstrations.plan import plan_of  # noqa: E402
-from vispeg.render.backends.backend import Renderer  # noqa: E402
-from vispeg.render.cameras.pipeline import Pipeline  # noqa: E402
+from vispeg.datasets import episode
+from vispeg.datasets.shards.plan import Shard
+from vispeg.datasets.shards.shard import shard_bytes
+from vispeg.demonstrations import stage
+from vispeg.demonstrations.plan import plan_of
+from vispeg.render.backends.backend import Renderer
+from vispeg.render.cameras.pipeline import Pipeline
 
 PARTS: tuple[tuple[str, Any, str], ...] = (
     ("physics, expert", stage.Stage, "play"),

@@ -23,13 +23,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("MUJOCO_GL", "egl")
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-import mujoco  # noqa: E402
-import numpy as np  # noqa: E402
+import mujoco
+import numpy as np
 
-from vispeg.render.backends.backend import Renderer  # noqa: E402
-from vispeg.render.cameras.standard import standard_cameras  # noqa: E402
-from vispeg.render.cameras.view import view_of  # noqa: E402
-from vispeg.robots.scene import build  # noqa: E402
+from vispeg.render.backends.backend import Renderer
+from vispeg.render.cameras.standard import standard_cameras
+from vispeg.render.cameras.view import view_of
+from vispeg.robots.scene import build
 
 SIDE = 64
 POSE = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])  # rad: the peg over the hole

@@ -9,28 +9,27 @@ refused.
 
 from __future__ import annotations
 
+import argparse
+import json
 import os
 import sys
+import time
 from pathlib import Path
 
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
-HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE / "hidden_effects"), str(HERE.parents[1])]
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+sys.path.insert(0, str(Path(__file__).resolve().parent / "hidden_effects"))
 
-import argparse  # noqa: E402
-import json  # noqa: E402
-import time  # noqa: E402
+from cases import DEV, SCORED, Case, choose
+from make import folders, make
+from runner import commit
 
-from cases import DEV, SCORED, Case, choose  # noqa: E402
-from make import folders, make  # noqa: E402
-from runner import commit  # noqa: E402
-
-from vispeg.core.errors import UserError  # noqa: E402
-from vispeg.core.rules import RULES, varied  # noqa: E402
-from vispeg.diagnosis.run import diagnose  # noqa: E402
-from vispeg.recordings.load import load  # noqa: E402
-from vispeg.worlds.world import World  # noqa: E402
+from vispeg.core.errors import UserError
+from vispeg.core.rules import RULES, varied
+from vispeg.diagnosis.run import diagnose
+from vispeg.recordings.load import load
+from vispeg.worlds.world import World
 
 Value = float | tuple[float, ...]
 

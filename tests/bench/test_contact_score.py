@@ -84,7 +84,10 @@ def test_what_is_finished_is_neither_made_nor_run_again(tmp_path):
 def test_what_the_truth_leaves_bounds_the_fall():
     """Medians over the cases that were fitted, the ladder's and the plain one; a failed fit is said."""
     fitted = {"before": 3.0, "after": 1.0, "plain_before": 4.0, "plain_after": 2.0}
-    record_of = lambda k: {"case": f"c{k}", "verdict": "fitted", **fitted, "before": 3.0 * k}  # noqa: E731
+
+    def record_of(k):
+        return {"case": f"c{k}", "verdict": "fitted", **fitted, "before": 3.0 * k}
+
     text = references([record_of(1), record_of(2), record_of(3), {"case": "x", "verdict": "failed"}])
     assert "Of 3 cases" in text and "(1 failed)" in text
     assert "held-out error 6-fold, of the plain force error 2-fold" in text

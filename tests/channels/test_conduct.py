@@ -56,7 +56,7 @@ def answer(world: World, found: tuple[EffectInstance, ...], unit: str, verdict: 
         "recordings": {"fit": ["a"], "validate": ["b"]},
         "notes": [f"a note in {unit}"],
     }
-    return Diagnosis(record, world.add(*found), {"unit": np.array(unit)})  # type: ignore[arg-type]
+    return Diagnosis(record, world.add(*found), {"unit": np.array(unit)})
 
 
 class Channels:

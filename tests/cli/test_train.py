@@ -7,10 +7,10 @@ import pytest
 pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 
-from vispeg.api.films import Film  # noqa: E402
-from vispeg.api.train import resume, train  # noqa: E402
-from vispeg.learn.config import Stage, TrainConfig, read_config  # noqa: E402
-from vispeg.task.environments.vector import spaces, world_of  # noqa: E402
+from vispeg.api.films import Film
+from vispeg.api.train import resume, train
+from vispeg.learn.config import Stage, TrainConfig, read_config
+from vispeg.task.environments.vector import spaces, world_of
 
 
 @pytest.fixture

@@ -47,9 +47,9 @@ def upto(rec, seconds):
     return replace(rec, time=rec.time[:n], q=rec.q[:n], ft=rec.ft[:n])
 
 
-def chi2(recordings, world=World()) -> float:  # noqa: B008
+def chi2(recordings) -> float:
     evidence = evidence_of(recordings)
-    (r,) = evidence.residuals([world])
+    (r,) = evidence.residuals([World()])
     return float(r @ r / evidence.count)
 
 

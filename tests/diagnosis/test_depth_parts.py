@@ -93,7 +93,7 @@ def fit_of(values: dict[str, float], covariance: np.ndarray) -> Fit:
 
 
 def test_the_smallest_sets_are_those_whose_rest_may_be_none():
-    parts = effect("depth_bias").parts  # type: ignore[attr-defined]
+    parts = effect("depth_bias").parts
     names = [n for part in parts for n in part]
     free = [a.name for a in fit_of({}, np.eye(5)).space.axes]
     assert sorted(free) == sorted(names)

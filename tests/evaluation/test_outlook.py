@@ -46,7 +46,7 @@ def test_the_tolerance_is_the_worlds_and_the_command_says_what_python_says(tmp_p
     assert said == plan(world, demonstrations=300).record
     assert said["signs"][2]["here"] == "0.2 mm, 0.15 mm"
     world.write_text(world.read_text() + "robot: {repeatability: 0.0012}\n")
-    assert plan(world).record["signs"][2]["here"] == "0.2 mm, 1.2 mm", "stated, m"  # type: ignore[index]
+    assert plan(world).record["signs"][2]["here"] == "0.2 mm, 1.2 mm", "stated, m"
 
 
 def test_answers_that_cannot_be_are_one_line(tmp_path, capsys):

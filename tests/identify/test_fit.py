@@ -279,7 +279,9 @@ def test_a_better_point_is_taken_and_a_search_goes_on_where_it_stood():
 
 @pytest.mark.parametrize("seed", range(5))
 def test_one_parameter_alone_is_found_far_from_its_start(seed):
-    costs = lambda points: [float((x[0] - 0.7) ** 2) for x in points]  # noqa: E731
+    def costs(points):
+        return [float((x[0] - 0.7) ** 2) for x in points]
+
     low, high, rng = np.zeros(1), np.ones(1), np.random.default_rng(seed)
     found = minimise(costs, np.array([0.01]), low, high, sigma=0.2, generations=80, rng=rng)
     assert found[0] == pytest.approx(0.7, abs=1e-3)

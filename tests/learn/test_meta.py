@@ -63,7 +63,10 @@ def test_a_fine_tuned_policy_is_refused_where_it_was_tuned(tuned):
 
 def test_fine_tuned_again_and_combined_it_is_still_refused(tuned, tmp_path):
     settings = FinetuneSettings(demos=3, updates=2, known=0.0, batch=16, shift=0, episodes=2)
-    target = lambda rows, given: Staged(rows, DEV)  # noqa: E731
+
+    def target(rows, given):
+        return Staged(rows, DEV)
+
     args = (tuned / "new", tmp_path / "again", target, None, lambda env: Pointing(), settings, 0)
     finetune(*args, say=lambda line: None)
     combine(tuned / "old", tmp_path / "again", 0.01, tmp_path / "both")

@@ -181,7 +181,10 @@ class Mirrored(Pointing):
 def test_finetuning_makes_a_policy_at_home_in_another_world(tmp_path):
     trained(tmp_path / "old")
     settings = FinetuneSettings(demos=20, updates=300, lr=1e-3, known=0.0, batch=64, shift=0, episodes=16)
-    target = lambda rows, given: Backwards(rows, "depth")  # noqa: E731
+
+    def target(rows, given):
+        return Backwards(rows, "depth")
+
     args = (tmp_path / "old", tmp_path / "new", target, None, lambda env: Mirrored(), settings, 0)
     finetune(*args, say=lambda line: None)
     record = json.loads((tmp_path / "new/finetune.json").read_text())
@@ -268,7 +271,10 @@ def test_finetuning_is_at_a_tenth_of_trainings_rate_and_thawed_encoders_at_a_hun
     layout = Layout.of(env.single_observation_space, env.single_action_space, seen.kinds)
     save(tmp_path / "old", Actor(layout, seen, (32,)), "depth", {"world": "home", **record})
     settings = FinetuneSettings(demos=4, updates=2, known=0.0, batch=64, shift=0, episodes=1)
-    target = lambda rows, given: Reach(rows, "depth")  # noqa: E731
+
+    def target(rows, given):
+        return Reach(rows, "depth")
+
     args = tmp_path / "old", tmp_path / "new", target, None, lambda env: Pointing(), settings, 0
     finetune(*args, say=lambda line: None)
     before, after = (dict(load(tmp_path / name).actor.named_parameters()) for name in ("old", "new"))

@@ -91,7 +91,10 @@ def test_another_arms_joint_of_the_same_name_is_not_played_and_a_servos_loop_lef
         "enough": lambda: enough(load(), ["expert"]),
         "add": lambda: add("iiwa14", str(file), model, overwrite=True),
     }
-    load = lambda: MeasurementResult(load_measurement(file), file, "")  # noqa: E731
+
+    def load():
+        return MeasurementResult(load_measurement(file), file, "")
+
     for robot in ("xarm7", "elsewhere/iiwa14.xml"):
         of_arm(file, robot, SERVO, DRY)
         for ask in asks.values():

@@ -22,7 +22,7 @@ def recording(n: int = 500, rate_hz: float = 500.0, mode: str = "position", **ch
         "robot": "iiwa14",
         "joints": ("joint1", "joint2"),
         "rate_hz": rate_hz,
-        "control": Control(mode, rate_hz, "model", np.full(size, 300 / 7), np.full(size, 0.1)),  # type: ignore[arg-type]
+        "control": Control(mode, rate_hz, "model", np.full(size, 300 / 7), np.full(size, 0.1)),
         "time": time,
         "q": q + rng.normal(scale=1e-5, size=q.shape),
         "dq": rng.normal(size=q.shape),

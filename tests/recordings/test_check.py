@@ -110,7 +110,7 @@ def test_missing_held_and_zeroed_readings():
     assert report.joints[1].longest_missing_s == pytest.approx(11 / RATE)
     held = moving(noise_q=0.0)
     for row in (510, 1020, 1500):  # fast stretches
-        held.q[row], held.tau[row] = held.q[row - 1], held.tau[row - 1]  # type: ignore[index]
+        held.q[row], held.tau[row] = held.q[row - 1], held.tau[row - 1]
     assert timing(held).repeated == 3 and timing(moving(noise_q=0.0)).repeated == 0
     lost = moving()
     lost.q[[400, 401, 900]] = 0.0
@@ -151,10 +151,10 @@ def test_a_unit_that_cannot_be_true_is_said():
 
 def test_the_tracking_error_is_told_in_degrees(tmp_path, capsys):
     rec = moving(q_cmd=moving(noise_q=0.0).q + np.deg2rad([3.0, 0.5]))
-    rec.q_cmd[100, 1] += np.deg2rad(4.0)  # type: ignore[index]
+    rec.q_cmd[100, 1] += np.deg2rad(4.0)
     a, b = check(rec).joints
-    assert np.degrees(a.tracking_rms) == pytest.approx(3.0, rel=0.01)  # type: ignore[arg-type]
-    assert np.degrees(b.tracking_worst) == pytest.approx(4.5, rel=0.01)  # type: ignore[arg-type]
+    assert np.degrees(a.tracking_rms) == pytest.approx(3.0, rel=0.01)
+    assert np.degrees(b.tracking_worst) == pytest.approx(4.5, rel=0.01)
     assert typed("check", write(rec, tmp_path / "rig")) == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert "deg RMS" in printed and "3.00 3.00" in printed and "0.50 4.50" in printed
@@ -180,7 +180,7 @@ def test_an_encoders_step_is_recovered(step, offset):
 
 def test_what_is_not_quantized_has_no_step():
     rec = moving()
-    assert quantization(rec.q[:, 0]) is None and quantization(rec.tau[:, 0]) is None  # type: ignore[index]
+    assert quantization(rec.q[:, 0]) is None and quantization(rec.tau[:, 0]) is None
     assert quantization(np.round(rec.q[:, 0], 9)) is None  # digits of the file, not of a sensor
     assert quantization(np.zeros(100)) is None
 
@@ -189,7 +189,7 @@ def test_what_is_not_quantized_has_no_step():
 def test_noise_is_recovered_from_one_recording(sigma):
     rec = moving(noise_q=sigma, noise_tau=0.3)
     assert highpass_sigma(rec.q) == pytest.approx([sigma, sigma], rel=0.06)
-    assert highpass_sigma(rec.tau) == pytest.approx([0.3, 0.3], rel=0.06)  # type: ignore[arg-type]
+    assert highpass_sigma(rec.tau) == pytest.approx([0.3, 0.3], rel=0.06)
 
 
 def test_readings_that_are_missing_show_no_noise_and_draw_no_warning():
@@ -246,7 +246,7 @@ def test_limits_are_held_against_the_motion():
     limits = Limits(np.array([[-0.5, 0.5], [-3, 3]]), np.array([9.0, 0.5]), np.array([15.0, 99.0]))
     a, b = check(rec, limits).joints
     assert a.outside_range == pytest.approx(np.sum(np.abs(rec.q[:, 0]) > 0.501), abs=2)
-    assert a.over_torque == np.sum(np.abs(rec.tau[:, 0]) > 15.3) and a.over_velocity == 0  # type: ignore[index]
+    assert a.over_torque == np.sum(np.abs(rec.tau[:, 0]) > 15.3) and a.over_velocity == 0
     assert (b.outside_range, b.over_torque) == (0, 0) and b.over_velocity > 100
 
 
@@ -278,7 +278,7 @@ def test_poor_motions_are_told_from_good_ones():
     steady = excitation(*motion_of(0.3 * time, time))  # one speed, one direction
     tiny = excitation(*motion_of(1e-3 * np.sin(2 * time), time))
     still = excitation(*motion_of(np.zeros(4000), time))
-    assert min(rich.identifiability.values()) > 0.05 and rich.condition < 100  # type: ignore[operator]
+    assert min(rich.identifiability.values()) > 0.05 and rich.condition < 100
     assert max(steady.identifiability[k] for k in ("coulomb", "viscous", "bias")) < 1e-6 and steady.reversals == 0
     assert tiny.identifiability["gravity_cos"] < 1e-3  # cos q is the bias where q hardly moves
     assert still.condition is None and set(still.identifiability.values()) == {0.0}

@@ -168,7 +168,7 @@ def test_a_lerobot_table_of_lists(tmp_path):
     assert convert(folder / "file-000.parquet", "iiwa14", tmp_path / "rig", guess=True, yes=True) == 0
     rec = load(tmp_path / "rig")
     assert np.allclose(rec.q, Q[:, ::-1], atol=1e-5)
-    assert np.allclose(rec.q_cmd, Q[:, ::-1] + 0.01, atol=1e-5)  # type: ignore[operator]
+    assert np.allclose(rec.q_cmd, Q[:, ::-1] + 0.01, atol=1e-5)
 
 
 @pytest.mark.parametrize(

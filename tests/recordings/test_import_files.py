@@ -37,7 +37,7 @@ def test_a_table_in_degrees_and_milliseconds(tmp_path):
     lines = ["t_ms,pos_1,pos_2,load_1,load_2,state"]
     lines += [
         f"{1e3 * t!r},{a!r},{-b!r},{c!r},{d!r},ok"
-        for t, (a, b), (c, d) in zip(rec.time.tolist(), degrees.tolist(), (1e3 * rec.tau).tolist(), strict=True)  # type: ignore[operator]
+        for t, (a, b), (c, d) in zip(rec.time.tolist(), degrees.tolist(), (1e3 * rec.tau).tolist(), strict=True)
     ]
     (tmp_path / "log.csv").write_text("\n".join(lines))
     (tmp_path / "map.yaml").write_text(
@@ -52,7 +52,7 @@ def test_a_table_in_degrees_and_milliseconds(tmp_path):
     options = {"map": tmp_path / "map.yaml", "torque_sensor": "motor"}
     assert convert(*args, **options) == 0
     back = load(out)
-    assert np.allclose(back.time, rec.time, atol=1e-12) and np.allclose(back.tau, rec.tau, atol=1e-12)  # type: ignore[arg-type]
+    assert np.allclose(back.time, rec.time, atol=1e-12) and np.allclose(back.tau, rec.tau, atol=1e-12)
     assert np.allclose(back.q, rec.q + [0, 0.25], atol=1e-12)
     assert (back.robot, back.joints, back.rate_hz, back.torque_sensor) == ("iiwa14", JOINTS, 500.0, "motor")
     assert (back.noise, back.motion, back.control.mode) == ({"tau": 0.1}, "sines", "unknown")

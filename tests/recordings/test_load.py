@@ -153,14 +153,14 @@ def test_time_in_another_unit(tmp_path, factor, unit):
 
 def test_quaternion_in_another_order_is_no_unit_quaternion(tmp_path):
     rec = recording(40)
-    rec.ee[11, 3:] *= 1.2  # type: ignore[index]
+    rec.ee[11, 3:] *= 1.2
     refused(write(rec, tmp_path / "r"), "row 13", "ee.qw")
 
 
 def test_episodes_restart_time_but_do_not_resume(tmp_path):
     time = np.tile(np.arange(20) / 500, 2)
     whole = recording(40, time=time, episode=np.repeat([3, 1], 20))
-    assert load(write(whole, tmp_path / "whole")).episode.tolist() == [3] * 20 + [1] * 20  # type: ignore[union-attr]
+    assert load(write(whole, tmp_path / "whole")).episode.tolist() == [3] * 20 + [1] * 20
     refused(write(recording(40, time=time), tmp_path / "none"), "row 22", "episode")
     torn = recording(40, episode=np.repeat([0, 1, 0, 2], 10))
     refused(write(torn, tmp_path / "torn"), "row 22", "episode")
@@ -209,7 +209,7 @@ def test_two_tables_or_none(folder):
 def material(tmp_path_factory):
     root = tmp_path_factory.mktemp("fuzz")
     rec = recording(12, ee_cmd=None, ft=None, tau_cmd=None, tool={"mass_kg": 1.0})
-    both = [write(rec, root / table, table=table) for table in ("csv", "parquet")]  # type: ignore[arg-type]
+    both = [write(rec, root / table, table=table) for table in ("csv", "parquet")]
     return root, [(f.name, (f / "recording.yaml").read_bytes(), (f / f"samples.{f.name}").read_bytes()) for f in both]
 
 

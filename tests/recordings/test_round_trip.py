@@ -47,8 +47,8 @@ def test_every_mode_returns_bit_for_bit(tmp_path, table, mode):
 def test_missing_readings_stay_missing_and_extremes_survive(tmp_path, table):
     rec = recording(50)
     rec.q[3, 1] = np.nan
-    rec.dq[:] = np.nan  # type: ignore[index]
-    rec.ft[0] = [5e-324, -0.0, 1.7976931348623157e308, 1e22, 0.1 + 0.2, -1e-7]  # type: ignore[index]
+    rec.dq[:] = np.nan
+    rec.ft[0] = [5e-324, -0.0, 1.7976931348623157e308, 1e22, 0.1 + 0.2, -1e-7]
     back = load(write(rec, tmp_path / "r", table=table))
     assert np.array_equal(np.isnan(back.q), np.isnan(rec.q)) and np.isnan(back.dq).all()
     assert same(np.nan_to_num(rec.q), np.nan_to_num(back.q)) and same(rec.ft, back.ft)

@@ -334,7 +334,7 @@ def test_what_a_library_writes_past_python_while_it_draws_reaches_no_stream(capf
 def test_mistakes_are_said(cell):
     camera = standard_cameras()[0]
     with pytest.raises(UserError, match="classic, raycast, filament"):
-        Renderer(cell, [camera], "opengl")  # pyright: ignore[reportArgumentType]
+        Renderer(cell, [camera], "opengl")
     with pytest.raises(UserError, match="flange"):
         Renderer(cell, [camera.moved(parent="flnge")], "raycast")
     with pytest.raises(UserError, match="two cameras"):

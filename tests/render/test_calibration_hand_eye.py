@@ -139,7 +139,7 @@ def test_mistakes():
     with pytest.raises(UserError, match="other way round.*mount"):
         calibrate(views, BOARD, camera=LENS, flange=arm, mount="base")
     with pytest.raises(UserError, match="choices: flange, base"):
-        calibrate(views, BOARD, camera=LENS, flange=arm, mount="wrist")  # type: ignore[arg-type]
+        calibrate(views, BOARD, camera=LENS, flange=arm, mount="wrist")
     with pytest.raises(UserError, match="too few"):
         calibrate(views[:3], BOARD, camera=LENS, flange=arm[:3])
     with pytest.raises(UserError, match="do not pair"):

@@ -89,7 +89,10 @@ def joints_table(tmp_path, q, tags):
 def forms(flange, tags):
     turns = [Rotation.from_matrix(poses[:, :3, :3]) for poses in (flange, tags)]
     at = [poses[:, :3, 3] for poses in (flange, tags)]
-    names = lambda who, last: [f"{who}{a}" for a in ("x", "y", "z", *last)]  # noqa: E731
+
+    def names(who, last):
+        return [f"{who}{a}" for a in ("x", "y", "z", *last)]
+
     quat, three = ("qw", "qx", "qy", "qz"), ("rx", "ry", "rz")
     return {
         "quaternions": (

@@ -79,7 +79,7 @@ def test_an_error_that_began_at_the_floor_did_not_come_down_to_it():
 def test_what_cannot_be_told_apart_is_counted_alike_in_the_headline_and_in_the_reason():
     """Ten effects have rivals, seven of them are tentative anyhow."""
     labels = [f"joint_bias(joint{i})" for i in range(10)]
-    rivals = [Rivals(label, ("another",), ()) for label in labels]  # type: ignore[arg-type]
+    rivals = [Rivals(label, ("another",), ()) for label in labels]
     unsure = set(labels[3:])
     verdict = without_tentative(decide(1e4, 1.1, 10, rivals, []), rivals, unsure)
     other = [{"effect": "cable_spring", "where": "joint0"}]

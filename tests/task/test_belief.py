@@ -84,7 +84,7 @@ def test_peg_cell_is_the_cell_that_each_recording_states(tmp_path):
     assert cell_of(read_model("iiwa14"), rec) is None
     named = read_model("nominal")
     assert cell_of(named, rec) == CellBelief("nominal")
-    assert declared("iiwa14", world.tool) == {**dict(named.tool), "name": world.tool}  # type: ignore[arg-type]
+    assert declared("iiwa14", world.tool) == {**dict(named.tool), "name": world.tool}
 
 
 def test_a_model_file_of_a_cell_comes_back(tmp_path):

@@ -3,20 +3,20 @@
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 
-trimesh = pytest.importorskip("trimesh")
 pytest.importorskip("coacd")
 
-from vispeg.core.effect import EffectInstance, effect  # noqa: E402
-from vispeg.core.errors import UserError  # noqa: E402
-from vispeg.effects.appearance.distractors import KEEP_OUT  # noqa: E402
-from vispeg.render.look import Fields  # noqa: E402
-from vispeg.robots import user_shapes  # noqa: E402
-from vispeg.robots.scene import SceneConfig, build  # noqa: E402
-from vispeg.task.peg.config import PegConfig  # noqa: E402
-from vispeg.task.peg.task import PegInHoleVec  # noqa: E402
-from vispeg.task.world_file import load_world, world_text  # noqa: E402
-from vispeg.worlds.places import values  # noqa: E402
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.errors import UserError
+from vispeg.effects.appearance.distractors import KEEP_OUT
+from vispeg.render.look import Fields
+from vispeg.robots import user_shapes
+from vispeg.robots.scene import SceneConfig, build
+from vispeg.task.peg.config import PegConfig
+from vispeg.task.peg.task import PegInHoleVec
+from vispeg.task.world_file import load_world, world_text
+from vispeg.worlds.places import values
 
 APOTHEM, LENGTH, DEPTH, HALF = 8.0, 80.0, 25.0, 30.0  # mm: peg, hole, half the block's width
 CLEARANCE, CONCAVITY = 2.0, 0.02  # mm, CoACD's threshold

@@ -43,7 +43,10 @@ def test_a_turn_is_about_the_pegs_tip_and_the_tip_is_what_is_seen(axis):
     """The flange goes round the tip: sideways by the tip's distance times the angle's sine."""
     sim = TaskSimulation(World(), PegConfig(dof=("x", "y", "z", axis), turn=0.04), 1)
     sim.reset(np.arange(1), [0])
-    tip = lambda: sim.cell.site_position("tip")[0].copy()  # noqa: E731
+
+    def tip():
+        return sim.cell.site_position("tip")[0].copy()
+
     flange, before = sim.seen.flange[0].copy(), tip()
     for _ in range(3):
         sim.step(np.array([[0.0, 0.0, 0.0, 1.0]]))

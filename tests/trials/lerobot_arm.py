@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from lerobot.robots import Robot, RobotConfig  # type: ignore[import-not-found]
+from lerobot.robots import Robot, RobotConfig
 
 from vispeg.trials.simulated import BEHIND, SimulatedRobot
 

@@ -49,7 +49,7 @@ LACKS = {
 
 
 def test_it_is_unbridgeable_where_every_condition_is_met_and_each_shows_its_number():
-    found = bridge(LEFT, SEARCHED)  # type: ignore[arg-type]
+    found = bridge(LEFT, SEARCHED)
     assert found["verdict"] == UNBRIDGEABLE and [c["met"] for c in found["conditions"]] == [True] * 4
     here = [c["here"] for c in found["conditions"]]
     assert here[0] == "2 in free air, 2 in contact" and "0.4 % of the held-out error (backlash at joint1)" in here[1]
@@ -59,7 +59,7 @@ def test_it_is_unbridgeable_where_every_condition_is_met_and_each_shows_its_numb
 @pytest.mark.parametrize("lack", LACKS)
 def test_where_one_condition_is_missing_the_verdict_says_which(lack):
     change, diagnosis, met = LACKS[lack]
-    found = bridge({**LEFT, **change}, diagnosis)  # type: ignore[arg-type]
+    found = bridge({**LEFT, **change}, diagnosis)
     (missing,) = [c for c in found["conditions"] if not c["met"]]
     assert found["verdict"] == NOT_SHOWN and missing["met"] is met and missing["condition"] in found["words"]
 
@@ -74,7 +74,7 @@ def priced(training, **gains):
     some = {"gap": 0.4, "left": 0.3, "causes": 0.1, "remainder": 0.2} | gains
     intervals = {k: None if v is None else interval(v, v - 0.1, v + 0.1) for k, v in some.items()}
     motion = {"motion": "triangle", "duration_s": 36.0}
-    return steps(Prices(), training, trial_s=6.0, motion=motion, commands={}, **intervals)  # type: ignore[arg-type]
+    return steps(Prices(), training, trial_s=6.0, motion=motion, commands={}, **intervals)
 
 
 def test_prices_are_hours_of_what_was_measured_and_what_was_stated(tmp_path):

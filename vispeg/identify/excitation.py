@@ -24,11 +24,19 @@ class Robot(Protocol):
     """Robot properties that a motion needs."""
 
     @property
-    def joints(self) -> Sequence[str]: ...  # noqa: D102
+    def joints(self) -> Sequence[str]:
+        """Names of the joints."""
+        ...
+
     @property
-    def range(self) -> np.ndarray: ...  # noqa: D102
+    def range(self) -> np.ndarray:
+        """Lower and upper limit of each joint, (nj, 2) rad."""
+        ...
+
     @property
-    def velocity_limit(self) -> np.ndarray: ...  # noqa: D102
+    def velocity_limit(self) -> np.ndarray:
+        """Greatest speed of each joint, (nj,) rad/s; inf if unknown."""
+        ...
 
 
 @dataclass(frozen=True)

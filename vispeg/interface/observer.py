@@ -17,22 +17,27 @@ RECENT = 4  # control periods over which the wrench is averaged, as contact chat
 
 
 class Settings(Protocol):
-    """The settings of a task that an observer needs; `TaskConfig` and `Interface` have them.
-
-    Attributes:
-        dof: directions that the policy moves, a part of DOF.
-        offset, turn: displacement and rotation for an action of 1, m and rad.
-        stack: number of time steps in an observation.
-    """
+    """The settings of a task that an observer needs; `TaskConfig` and `Interface` have them."""
 
     @property
-    def dof(self) -> Sequence[str]: ...  # noqa: D102
+    def dof(self) -> Sequence[str]:
+        """Directions that the policy moves, a part of DOF."""
+        ...
+
     @property
-    def offset(self) -> float: ...  # noqa: D102
+    def offset(self) -> float:
+        """Displacement for an action of 1, m."""
+        ...
+
     @property
-    def turn(self) -> float: ...  # noqa: D102
+    def turn(self) -> float:
+        """Rotation for an action of 1, rad."""
+        ...
+
     @property
-    def stack(self) -> int: ...  # noqa: D102
+    def stack(self) -> int:
+        """Number of time steps in an observation."""
+        ...
 
 
 class Observer:

@@ -96,9 +96,14 @@ class Readable(Protocol):
     """What `scaled` needs of a term; `Sensed` and `vispeg.task.terms.Term` have it."""
 
     @property
-    def read(self) -> Callable[[Any], np.ndarray]: ...  # noqa: D102
+    def read(self) -> Callable[[Any], np.ndarray]:
+        """Function that reads the term's value, in its unit, from a subject."""
+        ...
+
     @property
-    def scale(self) -> float: ...  # noqa: D102
+    def scale(self) -> float:
+        """Value that a policy sees as 1, in the term's unit."""
+        ...
 
 
 def scaled(

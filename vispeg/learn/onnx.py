@@ -90,7 +90,7 @@ def _stating(model: bytes, meaning: Interface | None) -> bytes:
         return model
     import onnx
 
-    out = onnx.ModelProto.FromString(model)  # pyright: ignore[reportAttributeAccessIssue]  # onnx.py is this file, too
+    out = onnx.ModelProto.FromString(model)
     out.producer_name, out.doc_string = "vispeg", meaning.title
     out.metadata_props.add(key=KEY, value=meaning.text())
     return out.SerializeToString()

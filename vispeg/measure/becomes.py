@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-import vispeg.effects  # noqa: F401  (names must be enrolled)
+import vispeg.effects  # noqa: F401  # names must be enrolled
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.params import Value

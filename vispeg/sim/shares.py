@@ -72,7 +72,7 @@ def _fork(work: Work, worlds: Sequence[World], out: list[np.ndarray]) -> int:
         for array, value in zip(out, work(worlds), strict=True):
             array[:] = value
         status = 0
-    except BaseException:  # noqa: S110  (the parent computes this share again and raises the error)
+    except BaseException:  # the parent computes this share again and raises the error
         pass
     finally:
         os._exit(status)  # no exit handlers, no flushing of the parent's buffers

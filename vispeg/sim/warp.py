@@ -25,7 +25,7 @@ from vispeg.core.errors import UserError
 from vispeg.sim.physics import OVERLAP
 
 wp.config.log_level = wp.LOG_WARNING  # before MuJoCo Warp is imported: standard output belongs to commands
-import mujoco_warp as mjw  # noqa: E402
+import mujoco_warp as mjw  # noqa: E402  # see above
 
 STATE = ("qpos", "qvel", "qacc_warmstart")
 INPUTS = ("ctrl", "qfrc_applied", "xfrc_applied")

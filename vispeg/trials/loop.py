@@ -33,8 +33,13 @@ SILENCE = 0.25  # s without a new reading after which the arm stops, less than t
 class Acts(Protocol):
     """The interface of a policy: `vispeg.learn.policy.Policy`, or `vispeg.interface.exported.Exported`."""
 
-    def reset(self, n: int, rows: np.ndarray | None = None) -> None: ...  # noqa: D102
-    def act(self, obs: Any) -> np.ndarray: ...  # noqa: D102
+    def reset(self, n: int, rows: np.ndarray | None = None) -> None:
+        """Clear the memory of all n rows, or only of those where `rows` (n,) is True."""
+        ...
+
+    def act(self, obs: Any) -> np.ndarray:
+        """Return actions (n, action) within +-1 for observation arrays (n, ...)."""
+        ...
 
 
 class Clock:

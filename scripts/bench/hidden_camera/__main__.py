@@ -10,22 +10,22 @@ predictor does not know, through a sensor that the library lacks. `--dev` uses s
 
 from __future__ import annotations
 
+import argparse
+import json
 import os
 import sys
+import time
+from functools import partial
 from pathlib import Path
+from typing import Any
 
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
-HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "hidden_effects"), str(HERE.parents[2])]
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "hidden_effects"))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-import argparse  # noqa: E402
-import json  # noqa: E402
-import time  # noqa: E402
-from functools import partial  # noqa: E402
-from typing import Any  # noqa: E402
-
-from everywhere import ENGINES, each  # noqa: E402
+from everywhere import ENGINES, each
 
 
 def main() -> int:

@@ -62,7 +62,7 @@ def recording(case: Case, part: int, frames: int, backend: str) -> Recording:
     stamps = np.linspace(1.0, time[-1] - 1.0, frames) + rng.uniform(-0.1, 0.1, frames)
     shots = photograph(
         scene, cameras, CELL.add(*look, *effects), CubicSpline(time, true), stamps, case.seed, backend=backend
-    )  # type: ignore[arg-type]
+    )
     cell = CELL.cell
     if case.unknown == "bent_board":
         cell = replace(CellBelief("nominal"), board=BOARD)

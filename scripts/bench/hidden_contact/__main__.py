@@ -12,17 +12,17 @@ tune only on those.
 
 from __future__ import annotations
 
+import argparse
+import json
 import os
 import sys
 from pathlib import Path
 
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
-HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "hidden_effects"), str(HERE.parents[2])]
-
-import argparse  # noqa: E402
-import json  # noqa: E402
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "hidden_effects"))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 
 def main() -> int:

@@ -150,7 +150,10 @@ class Plant:
         self.m, self.com, self.inertia, self.m0, self.com0 = m, com, inertia, m0, com0
         self.law = self.arm + _turned(spatial(m0, com0, inertia0), DOWN[None])[0]  # what the controller believes
         self.inverse = np.linalg.inv(self.arm + _turned(spatial(m, com, inertia), np.tile(DOWN, (n, 1, 1))))
-        get = lambda name: column(truths, name)  # noqa: E731
+
+        def get(name):
+            return column(truths, name)
+
         one = np.ones(n)
         self.shape = Shape(PEG * one, PEG + 0.5 * (get("clearance") + get("width")), 1e-3 * one, 0.025 * one,
                            0.05 * one, -0.05 * one, get("pad"), get("bump"))  # fmt: skip

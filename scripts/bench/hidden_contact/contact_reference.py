@@ -9,16 +9,16 @@ import json
 import sys
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[3])]
+sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
-from vispeg.contact.evidence import ContactEvidence  # noqa: E402
-from vispeg.contact.record import phase_errors  # noqa: E402
-from vispeg.contact.run import evidence_of  # noqa: E402
-from vispeg.core.effect import EffectInstance  # noqa: E402
-from vispeg.identify.fit import fit_job  # noqa: E402
-from vispeg.identify.pool import run_together  # noqa: E402
-from vispeg.recordings.load import load  # noqa: E402
-from vispeg.worlds.world import World  # noqa: E402
+from vispeg.contact.evidence import ContactEvidence
+from vispeg.contact.record import phase_errors
+from vispeg.contact.run import evidence_of
+from vispeg.core.effect import EffectInstance
+from vispeg.identify.fit import fit_job
+from vispeg.identify.pool import run_together
+from vispeg.recordings.load import load
+from vispeg.worlds.world import World
 
 ITERATIONS = 6  # as a search has
 
@@ -41,8 +41,8 @@ def errors(judged: ContactEvidence, before: World, after: World) -> dict:
     out = {}
     for key, world in (("before", before), ("after", after)):
         out[key] = judged.rms_error(judged.residuals([world])[0])
-        total = sum(float(p["seconds"]) * float(p[key]) ** 2 for p in phases)  # type: ignore[arg-type]
-        out[f"plain_{key}"] = (total / sum(float(p["seconds"]) for p in phases)) ** 0.5  # type: ignore[arg-type]
+        total = sum(float(p["seconds"]) * float(p[key]) ** 2 for p in phases)
+        out[f"plain_{key}"] = (total / sum(float(p["seconds"]) for p in phases)) ** 0.5
     return out
 
 

@@ -194,7 +194,10 @@ def _unit(e: Record, name: str) -> str:
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
     """Return the lines of a Markdown table."""
-    line = lambda cells: "| " + " | ".join(map(str, cells)) + " |"  # noqa: E731
+
+    def line(cells):
+        return "| " + " | ".join(map(str, cells)) + " |"
+
     return [line(heads), line(["---"] * len(heads)), *map(line, rows)]
 
 

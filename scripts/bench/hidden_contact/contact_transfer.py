@@ -11,31 +11,31 @@ averaged over 20 ms, as a wrist's sensor filters it: laws of contact differ in h
 
 from __future__ import annotations
 
+import argparse
+import json
 import os
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
-HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "hidden_effects"), str(HERE.parents[2])]
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "hidden_effects"))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-import argparse  # noqa: E402
-import json  # noqa: E402
-from dataclasses import dataclass  # noqa: E402
+import numpy as np
+from contact_cases import SCORED, Case, choose
+from contact_plant import COARSE, DOWN, FINE, MOUTH, RATE, TIP, Plant, Truth, held
 
-import numpy as np  # noqa: E402
-from contact_cases import SCORED, Case, choose  # noqa: E402
-from contact_plant import COARSE, DOWN, FINE, MOUTH, RATE, TIP, Plant, Truth, held  # noqa: E402
-
-from vispeg.core.effect import EffectInstance  # noqa: E402
-from vispeg.task.environments.simulation import TaskSimulation  # noqa: E402
-from vispeg.task.peg.config import PegConfig  # noqa: E402
-from vispeg.task.peg.expert import Expert  # noqa: E402
-from vispeg.task.peg.terms import TERMS  # noqa: E402
-from vispeg.task.terms import Observation  # noqa: E402
-from vispeg.worlds.model_file import load_model  # noqa: E402
-from vispeg.worlds.world import World  # noqa: E402
+from vispeg.core.effect import EffectInstance
+from vispeg.task.environments.simulation import TaskSimulation
+from vispeg.task.peg.config import PegConfig
+from vispeg.task.peg.expert import Expert
+from vispeg.task.peg.terms import TERMS
+from vispeg.task.terms import Observation
+from vispeg.worlds.model_file import load_model
+from vispeg.worlds.world import World
 
 SMOOTH = 0.02  # s
 MISTAKE = (1.8e-3, -1.2e-3, 0.0)  # m: where the policy believes the hole to be, less where it is

@@ -158,7 +158,7 @@ def cases(seed: int = SCORED, grid: bool = False) -> list[Case]:
                 out += [_case(f"{effect}/{where}/{s}", kind, [(effect, where, k)], seed) for s, k in SIZES.items()]
     for pair in PAIRS:
         places = [(*part.split(":"), 1.0) for part in pair]
-        out.append(_case("pair/" + "+".join(pair).replace(":", "."), "pair", places, seed))  # type: ignore[arg-type]
+        out.append(_case("pair/" + "+".join(pair).replace(":", "."), "pair", places, seed))
     return out + [_case(f"none/{i:02d}", "none", [], seed) for i in range(NONE_COUNT)]
 
 

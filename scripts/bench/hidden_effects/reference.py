@@ -9,16 +9,16 @@ import json
 import sys
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[3])]
+sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-from vispeg.core.effect import EffectInstance  # noqa: E402
-from vispeg.identify.fit import Fit, fit_job  # noqa: E402
-from vispeg.identify.inverse import evidence_for  # noqa: E402
-from vispeg.identify.pool import run_together  # noqa: E402
-from vispeg.recordings.load import load  # noqa: E402
-from vispeg.worlds.world import World  # noqa: E402
+from vispeg.core.effect import EffectInstance
+from vispeg.identify.fit import Fit, fit_job
+from vispeg.identify.inverse import evidence_for
+from vispeg.identify.pool import run_together
+from vispeg.recordings.load import load
+from vispeg.worlds.world import World
 
 FIXED = {"rotor_inertia": "inertia", "viscous_friction": "damping", "coulomb_friction": "torque",
          "joint_bias": "torque"}  # fmt: skip

@@ -77,7 +77,10 @@ def judge(r: Record) -> Record:
     sure = [e for e in named if not e.get("tentative")]
     classes = [e for e in sure if e.get("indistinguishable_from")]
     rights = sum(any(same_class(t, e) for t in truth) for e in sure)
-    key = lambda e: (e["effect"], e["where"])  # noqa: E731
+
+    def key(e):
+        return (e["effect"], e["where"])
+
     ladder, floor = r["ladder"], r["floor"]
     before, after = ladder[0]["heldout_error"], ladder[-1]["heldout_error"]
     oracle = (r.get("oracle") or {}).get("heldout_error")

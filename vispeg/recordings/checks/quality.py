@@ -18,13 +18,24 @@ class Limited(Protocol):
     """A robot that states its limits, in the order of its joints."""
 
     @property
-    def joints(self) -> tuple[str, ...]: ...  # noqa: D102
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        ...
+
     @property
-    def range(self) -> np.ndarray: ...  # noqa: D102
+    def range(self) -> np.ndarray:
+        """Lower and upper limit of each joint, (nj, 2) rad."""
+        ...
+
     @property
-    def velocity_limit(self) -> np.ndarray: ...  # noqa: D102
+    def velocity_limit(self) -> np.ndarray:
+        """Greatest speed of each joint, (nj,) rad/s; inf if unknown."""
+        ...
+
     @property
-    def torque_limit(self) -> np.ndarray: ...  # noqa: D102
+    def torque_limit(self) -> np.ndarray:
+        """Greatest torque of each joint, (nj,) N m; inf if unknown."""
+        ...
 
 
 @dataclass(frozen=True)

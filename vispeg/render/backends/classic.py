@@ -62,7 +62,7 @@ class Classic:
         except mujoco.FatalError as error:
             raise UserError(f"OpenGL cannot draw {width} x {height} px here", got=str(error)) from error
         mujoco.mjr_setBuffer(OFFSCREEN, self._context)
-        self._context.readDepthMap = ZERO_FAR  # pyright: ignore[reportAttributeAccessIssue]  # not declared by mujoco
+        self._context.readDepthMap = ZERO_FAR
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 16)
         self._option, self._camera = mujoco.MjvOption(), mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_USER.value

@@ -60,7 +60,7 @@ class Filament:
     def __init__(self, model: mujoco.MjModel, width: int = 0, height: int = 0, shadows: bool = False):
         if reason := unusable():
             raise UserError(f"no physically based pictures here: {reason}", expected=HINT)
-        import mujoco.studio  # noqa: F401 - must be imported first, or mjrf does not find its library
+        import mujoco.studio  # must be imported first, or mjrf does not find its library
         from mujoco import mjrf
 
         self._mjrf: Any = mjrf
