@@ -106,15 +106,17 @@ def test_effects_by_family_and_by_words(vispeg):
 
 def completed(script, *words):
     line = " ".join(f"'{w}'" for w in words)
-    test = f'source {script}; COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _vispeg; echo "${{COMPREPLY[@]}}"'
-    return subprocess.run(["bash", "-c", test], capture_output=True, text=True, check=True).stdout.split()
+    asked = f"source {script}; COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _vispeg"
+    test = asked + '; printf "%s\\n" "${COMPREPLY[@]}"'
+    return subprocess.run(["bash", "-c", test], capture_output=True, text=True, check=True).stdout.splitlines()
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
 def test_the_shell_completes_commands_options_choices_and_names(vispeg, tmp_path):
     script = tmp_path / "vispeg.bash"
     script.write_text(vispeg("completion", "bash")[1])
-    (tmp_path / "depth-mine").mkdir()
+    for folder in ("depth-mine", "my rig"):
+        (tmp_path / folder).mkdir()
     assert completed(script, "vispeg", "co") == [c for c in COMMANDS if c.startswith("co")] != []
     assert completed(script, "vispeg", "train", "--recipe", "d") == ["distill", "distill+sac"]
     assert {"depth-S", "depth-S2"} <= set(completed(script, "vispeg", "evaluate", "depth"))
@@ -124,6 +126,13 @@ def test_the_shell_completes_commands_options_choices_and_names(vispeg, tmp_path
     assert completed(script, "vispeg", "record", "iiwa14", "--motion", "tri") == ["triangle"]
     assert {"depth-mine", "--out"} <= set(completed(script, "vispeg", "explain", "--quiet", ""))
     assert "--recording" in completed(script, "vispeg", "diagnose", "--json", "--")
+    assert completed(script, "vispeg", "check", "my") == ["my rig"]
+    assert completed(script, "vispeg", "help", "tr") == ["train"]
+    # the second value of an option of several, after which another option may come; the only value of another option
+    assert {"V", "VNP"} == set(completed(script, "vispeg", "gap", "--worlds", "S", "V"))
+    assert completed(script, "vispeg", "diagnose", "iiwa14", "--recording", "a", "--va") == ["--validate"]
+    assert completed(script, "vispeg", "record", "--motion", "tap", "iiw") == ["iiwa14"]
+    assert completed(script, "vispeg", "record", "--seed", "my") == [""], "a number"
     for shell in ("zsh", "fish"):
         code, out, _ = vispeg("completion", shell)
         assert code == 0 and all(name in out for name in COMMANDS)

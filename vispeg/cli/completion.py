@@ -1,21 +1,53 @@
-"""`vispeg completion`: completion scripts for shells."""
+"""`vispeg completion`: completion scripts for shells.
+
+Those that tyro makes (`--tyro-write-completion`) cannot serve: they complete no positional argument, and no name of a
+world, robot, policy, motion or effect, as these are plain texts to tyro. And they start Python at each Tab, which takes
+84 ms of a processor; the script made here takes 1 ms.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal, get_args, get_origin
 
 from vispeg.cli.command import Call, command, leaves
 from vispeg.cli.options import NAMED, choices, plain
 from vispeg.cli.overview import COMMANDS
 
-FILES = "<files>"  # stands for files and folders
 ZSH = """(( $+functions[compdef] )) || { autoload -U compinit && compinit; }
 autoload -U +X bashcompinit && bashcompinit
 """
-Words = Mapping[str, Sequence[str] | None]  # option ("" for positional arguments) -> its values; None for a switch
+# After `--option value` an option of several values goes on, any other has ended. Names of files may have spaces.
+BASH = """_vispeg() {{
+  local current="${{COMP_WORDS[COMP_CWORD]}}" command="" option="" words="" files="" i=$((COMP_CWORD - 1))
+  [[ $COMP_CWORD -gt 1 ]] && command="${{COMP_WORDS[1]}}"
+  case "$command" in {groups}) [[ $COMP_CWORD -gt 2 ]] && command="$command ${{COMP_WORDS[2]}}" ;; esac
+  while [[ $i -gt 0 && "${{COMP_WORDS[i]}}" != --* ]]; do i=$((i - 1)); done
+  [[ $i -gt 0 && "$current" != -* ]] && option="${{COMP_WORDS[i]}}"
+  case "$command|$option|$((COMP_CWORD - i))" in
+{cases}
+  esac
+  COMPREPLY=($(compgen -W "$words" -- "$current"))
+  local IFS=$'\\n'
+  [[ -n $files ]] && COMPREPLY+=($(compgen -f -- "$current"))
+}}
+complete -o filenames -F _vispeg vispeg
+"""
+
+
+@dataclass(frozen=True)
+class Values:
+    """The values of an option or of a command's positional arguments: those with names, files, one or several."""
+
+    names: tuple[str, ...] = ()
+    files: bool = False
+    several: bool = False
+
+
+Words = Mapping[str, Values | None]  # option ("" for positional arguments) -> its values; None for a switch
 COMMON: Words = dict.fromkeys(("--help", "--json", "--quiet"))
 
 
@@ -32,7 +64,7 @@ def completion(call: Call, shell: Literal["bash", "zsh", "fish"]) -> None:
         shell: the shell.
     """
     if call.output.json:
-        rows = {name: {flag: list(after or ()) for flag, after in row.items()} for name, row in words().items()}
+        rows = {name: {flag: after and asdict(after) for flag, after in row.items()} for name, row in words().items()}
         call.output.give(rows, [])
     else:
         print(script(shell), end="")
@@ -40,16 +72,25 @@ def completion(call: Call, shell: Literal["bash", "zsh", "fish"]) -> None:
 
 def words() -> dict[str, Words]:
     """Return command (two words for a sub-command, as in `camera show`) -> option -> its values, as in `Words`."""
-    table: dict[str, Words] = {"": {"": list(COMMANDS)}, "doctor": COMMON}
+    commands = Values(tuple(COMMANDS))
+    table: dict[str, Words] = {"": {"": commands}, "help": {"": commands}, "doctor": COMMON}
     names = cache(_names)  # many options take a policy or a world, and to list these takes seconds
     for name, each in leaves().items():
         group, _, below = name.partition(" ")
         if below:
-            table[group] = {"": [*(table.get(group, {}).get("") or ()), below]}
-        after = {key: _values(option.name or key, kind, names) for key, (_, option, kind) in each.taken().items()}
+            table[group] = {"": Values((*getattr(table.get(group, {}).get(""), "names", ()), below))}
+        after = {}
+        for key, (_, option, kind) in each.taken().items():
+            word = option.name or key
+            known = names(NAMED[word]) if word in NAMED else choices(kind)
+            basic = plain(kind)
+            several = option.repeats or any(get_origin(part) is tuple for part in (kind, *get_args(kind)))
+            switch = not known and basic is None
+            after[key] = None if switch else Values(known, word in NAMED or basic is Path, several)
         flags = {each.word(key): values for key, values in after.items() if key not in each.positional}
-        positional = dict.fromkeys(value for key in each.positional for value in after[key] or ())
-        table[name] = {**COMMON, **flags, "": list(positional)}
+        placed = [values for key in each.positional if (values := after[key])]
+        positional = tuple(dict.fromkeys(name for values in placed for name in values.names))
+        table[name] = {**COMMON, **flags, "": Values(positional, any(values.files for values in placed))}
     return table
 
 
@@ -61,70 +102,40 @@ def script(shell: Literal["bash", "zsh", "fish"]) -> str:
     return (ZSH if shell == "zsh" else "") + _bash(rows)
 
 
-def _values(name: str, kind: Any, names: Callable[[str], list[str]]) -> Sequence[str] | None:
-    """Return the known values of an option; empty if it takes any number or text, None for a switch."""
-    if name in NAMED:
-        return [*names(NAMED[name]), FILES]
-    if few := choices(kind):
-        return few
-    basic = plain(kind)
-    if basic is None:
-        return None
-    return (FILES,) if basic is Path else ()
-
-
-def _names(what: str) -> list[str]:
+def _names(what: str) -> tuple[str, ...]:
     from vispeg.api.library import catalogue
     from vispeg.core.effect import REGISTRY
 
-    return sorted(REGISTRY) if what == "effects" else [entry.name for entry in getattr(catalogue, what)()]
+    return tuple(sorted(REGISTRY)) if what == "effects" else tuple(entry.name for entry in getattr(catalogue, what)())
 
 
 def _bash(rows: Mapping[str, Words]) -> str:
     cases = []
     for name, after in rows.items():
-        flags = " ".join(flag for flag in after if flag)
-        cases += [f'    "{name} {flag}") {_set(values)} ;;' for flag, values in after.items() if flag and values]
-        # after no option or a switch, all options and the positional values may follow
-        before = "|".join(f'"{name} {flag}"' for flag in ("", *(f for f in after if f and after[f] is None)))
-        cases.append(f"    {before}) {_set([flags, *(after.get('') or ())])} ;;")
+        for flag, values in after.items():
+            if flag and values:
+                pattern = f'"{name}|{flag}|"*' if values.several else f'"{name}|{flag}|1"'
+                cases.append(f"    {pattern}) {_set(values.names, values.files)} ;;")
+        positional = after.get("") or Values()
+        flags = filter(None, after)
+        cases.append(f'    "{name}|"*) {_set((*flags, *positional.names), positional.files)} ;;')
     groups = "|".join(sorted({name.split()[0] for name in rows if " " in name}))
-    return f"""_vispeg() {{
-  local current="${{COMP_WORDS[COMP_CWORD]}}" before="${{COMP_WORDS[COMP_CWORD-1]}}" command="" words="" files=""
-  [[ $COMP_CWORD -gt 1 ]] && command="${{COMP_WORDS[1]}}"
-  case "$command" in {groups}) [[ $COMP_CWORD -gt 2 ]] && command="$command ${{COMP_WORDS[2]}}" ;; esac
-  [[ $before == --* ]] || before=""
-  case "$command $before" in
-{chr(10).join(cases)}
-    *) files=1 ;;
-  esac
-  COMPREPLY=($(compgen -W "$words" -- "$current"))
-  [[ -n $files ]] && COMPREPLY+=($(compgen -f -- "$current"))
-}}
-complete -o filenames -F _vispeg vispeg
-"""
+    return BASH.format(groups=groups, cases="\n".join(cases))
 
 
-def _set(values: Sequence[str]) -> str:
-    plain = " ".join(value for value in values if value != FILES)
-    return f'words="{plain}"' + ("; files=1" if FILES in values else "")
+def _set(names: tuple[str, ...], files: bool) -> str:
+    return f'words="{" ".join(names)}"' + ("; files=1" if files else "")
 
 
 def _fish(rows: Mapping[str, Words]) -> str:
     lines = ["complete -c vispeg -f"]
     for name, after in rows.items():
-        condition = " ".join(f"; and __fish_seen_subcommand_from {word}" for word in name.split()).removeprefix(
-            "; and "
-        )
-        when = condition or "__fish_use_subcommand"
+        seen = "; and ".join(f"__fish_seen_subcommand_from {word}" for word in name.split())
         for flag, values in after.items():
-            values = values or ()
-            plain = " ".join(value for value in values if value != FILES)
-            parts = ["complete -c vispeg", f"-n '{when}'"]
+            parts = ["complete -c vispeg", f"-n '{seen or '__fish_use_subcommand'}'"]
             parts += [f"-l {flag[2:]}"] if flag else []
             parts += ["-r"] if flag and values else []
-            parts += ["-F"] if FILES in values else []
-            parts += [f"-a '{plain}'"] if plain else []
-            if flag or values:
-                lines.append(" ".join(parts))
+            parts += ["-F"] if values and values.files else []
+            parts += [f"-a '{' '.join(values.names)}'"] if values and values.names else []
+            lines += [" ".join(parts)] if len(parts) > 2 else []
     return "\n".join(lines) + "\n"
