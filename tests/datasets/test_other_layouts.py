@@ -1,4 +1,4 @@
-"""BOP's layout and plain files are checked and shown like LeRobot's; what is broken in them is told in a line each."""
+"""BOP's layout is checked and shown like LeRobot's; what is broken in it is told in a line each."""
 
 import json
 import shutil
@@ -9,8 +9,6 @@ from dataclasses import replace
 import cv2
 import mutations
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 import trimesh
 import yaml
@@ -27,7 +25,7 @@ from vispeg.datasets.read import Dataset
 from vispeg.datasets.shards.rendering import render
 from vispeg.demonstrations.plan import plan_of
 from vispeg.render.part_mesh import part_mesh
-from vispeg.report.dataset.build import headline, write
+from vispeg.report.dataset.build import write
 from vispeg.report.dataset.drawn import drawn
 from vispeg.robots.scene import build
 
@@ -41,19 +39,13 @@ def source_of(tmp_path_factory):
     folder = tmp_path_factory.mktemp("layouts")
     laid = replace(LAYOUT, models={"peg": MESH, "fixture": MESH})
     render(replace(PLAN, frames=8, shard_frames=8), laid, source, folder / "d", workers=0)
-    for kind in ("bop", "folder"):
-        export(folder / "d", folder / kind, kind)
+    export(folder / "d", folder / "bop")
     return folder
 
 
-@pytest.fixture(params=["bop", "folder"])
-def kind(request):
-    return request.param
-
-
 @pytest.fixture
-def folder(source_of, tmp_path, kind):
-    return shutil.copytree(source_of / kind, tmp_path / kind)
+def folder(source_of, tmp_path):
+    return shutil.copytree(source_of / "bop", tmp_path / "bop")
 
 
 def test_a_sound_one_has_nothing_wrong_and_is_shown(folder, tmp_path):
@@ -63,18 +55,15 @@ def test_a_sound_one_has_nothing_wrong_and_is_shown(folder, tmp_path):
     assert "8 frames in 2 episodes" in page and (tmp_path / "page/contact-sheet.png").stat().st_size > 1000
 
 
-def test_its_frames_are_those_of_the_dataset(folder, source_of, kind):
+def test_its_frames_are_those_of_the_dataset(folder, source_of):
     data, other = Dataset(source_of / "d"), open_dataset(folder)
     assert len(other) == len(data) and [e["length"] for e in other.episodes] == [e["length"] for e in data.episodes]
     for i in range(len(data)):
         want, got = data[i], other[i]
         assert np.array_equal(got["observation.images.eye"], want["observation.images.eye"])
         assert np.abs(got["observation.depth.eye"] - want["observation.depth.eye"]).max() <= 0.5001e-4
-        if kind == "folder":
-            assert np.array_equal(got["label.parts.eye"], want["label.parts.eye"])
-            assert np.allclose(got["action"], want["action"]) and got["next.done"] == want["next.done"]
-        else:  # parts that are objects, in the objects' order
-            assert np.array_equal(got["label.parts.eye"], np.array([0, 0, 1, 2])[want["label.parts.eye"]])
+        # parts that are objects, in the objects' order
+        assert np.array_equal(got["label.parts.eye"], np.array([0, 0, 1, 2])[want["label.parts.eye"]])
 
 
 def test_a_constant_of_an_effect_that_some_episodes_lack_is_said_to_be_in_their_share():
@@ -93,55 +82,22 @@ def test_frames_are_counted_from_the_end_too_and_end_where_the_dataset_ends(fold
             data[beyond]
 
 
-def test_plain_files_keep_texts_and_every_digit_of_an_integer(source_of, tmp_path):
-    wanted = {
-        "note": [f'line {i}\nof "{i}", True' for i in range(8)],
-        "stamp": [1234567890123456789 + i for i in range(8)],
-        "large": [2**64 - 1 - i for i in range(8)],
-        "small": np.float32([0.1 * i for i in range(8)]).tolist(),
-    }
-    types = dict(zip(wanted, ("string", "int64", "uint64", "float32"), strict=True))
-    shutil.copytree(source_of / "d", tmp_path / "d")
-    info = json.loads((tmp_path / "d/meta/info.json").read_text())
-    info["features"] |= {name: {"dtype": kind, "shape": [1], "names": None} for name, kind in types.items()}
-    (tmp_path / "d/meta/info.json").write_text(json.dumps(info))
-    path = tmp_path / "d/data/chunk-000/file-000.parquet"
-    rows = pq.read_table(path)
-    for name, kind in types.items():
-        rows = rows.append_column(name, pa.array(wanted[name], kind))
-    pq.write_table(rows, path)
-    export(tmp_path / "d", tmp_path / "plain", "folder")
-    data = open_dataset(tmp_path / "plain")
-    for name, values in wanted.items():
-        read = np.concatenate([data.episode(k)[name] for k in range(len(data.episodes))])
-        assert read.reshape(-1).tolist() == values and (name == "note" or read.dtype == types[name])
-
-
-@pytest.mark.parametrize("kind", ["folder"], indirect=True)
-def test_an_episode_that_leaves_open_its_look_and_redraws_is_shown(folder, tmp_path):
-    path = folder / "episode-00000/episode.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"vispeg/look": None, "vispeg/redraws": None}))
-    assert check(folder) == [] and "Contrast guard" in write(folder, tmp_path / "page", 4).read_text()
-    assert headline(open_dataset(folder))["ends"] == [("success", 1)]
-
-
 @pytest.mark.parametrize("every", [EVERY, pytest.param(1, marks=pytest.mark.slow)], ids=["some", "all"])
 def test_every_change_of_a_json_file(folder, every):
     found = {}
-    scene = next(folder.glob("train/*"), folder / "episode-00000")
+    scene = next(folder.glob("train/*"))
     for path in sorted([*folder.glob("*.json"), *folder.glob("models/*.json"), *scene.glob("*.json")]):
         for what in mutations.json_files(path, every, most=1):
             found[what] = mutations.tried(lambda: check(folder))
     assert not mutations.unclear(found) and len(found) > 300 / every
     for what, how in found.items():
-        told = what.split(":")[0] in ("scene_camera.json", "scene_gt.json", "models_info.json", "dataset.json")
+        told = what.split(":")[0] in ("scene_camera.json", "scene_gt.json", "models_info.json")
         assert how != "fine" or not (told and what.endswith(("= nan", "= inf"))), what
 
 
 def test_every_file_that_is_none(folder):
     chosen = {path.suffix + path.parent.name: path for path in sorted(folder.rglob("*")) if path.is_file()}
     names = [str(path.relative_to(folder)) for path in chosen.values()]
-    names += [n for n in ("dataset.json", "cameras.yaml", "models/models_info.json") if (folder / n).exists()]
     found = {}
     for what in mutations.files(folder, names):
         found[what] = mutations.tried(lambda: check(folder))
@@ -149,35 +105,16 @@ def test_every_file_that_is_none(folder):
     assert all(how != "fine" for what, how in found.items() if "rgb" in what and "flipped" not in what)
 
 
-@pytest.mark.parametrize("kind", ["folder"], indirect=True)
-def test_the_key_or_row_at_fault_is_named(folder):
-    path = folder / "dataset.json"
-    whole = path.read_text()
-    for key in ("parts", "plan"):
-        path.write_text(json.dumps(json.loads(whole) | {key: 3}))
-        with pytest.raises(UserError, match=f"{key}: not a "):
-            check(folder)
-    path.write_text(whole)
-    table = folder / "episode-00000/frames.csv"
-    heads, first, second, *others = table.read_text().splitlines()
-    table.write_text("\n".join([heads, first, f"{second},1", *others]))
-    with pytest.raises(UserError, match=f"row 2 has {len(second.split(',')) + 1} cells"):
-        open_dataset(folder).read(0)
-
-
-def test_wrong_depth_is_found_and_a_dropped_frame_is_no_fault(folder, kind):
+def test_wrong_depth_is_found_and_a_dropped_frame_is_no_fault(folder):
     one, other = (folder / "train/000000/rgb/00000%d.png", folder / "train/000000/depth/00000%d.png")
-    if kind == "folder":
-        one, other = folder / "episode-00000/eye-00%d.png", folder / "episode-00000/eye_depth-00%d.png"
     cv2.imwrite(str(other) % 1, np.zeros((8, 12), np.uint8))
     assert any("a picture of the wrong type" in line and "uint16" in line for line in check(folder))
     shutil.copy(str(other) % 0, str(other) % 1)
     shutil.copy(str(one) % 0, str(one) % 1)
-    if kind == "bop":
-        for j in range(2):
-            masks = [folder / f"train/000000/mask_visib/00000{i}_00000{j}.png" for i in range(2)]
-            shutil.copy(*masks)
-        assert not check(folder), "a camera that drops a frame shows the one before once more"
+    for j in range(2):
+        masks = [folder / f"train/000000/mask_visib/00000{i}_00000{j}.png" for i in range(2)]
+        shutil.copy(*masks)
+    assert not check(folder), "a camera that drops a frame shows the one before once more"
 
 
 def test_models_are_in_millimetres_with_their_extent(source_of):

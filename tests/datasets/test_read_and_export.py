@@ -1,6 +1,5 @@
 """The readers agree with what was put in; BOP's poses put known points where the camera sees them."""
 
-import csv
 import json
 
 import cv2
@@ -115,18 +114,8 @@ def test_box_is_the_smallest():
     assert box(mask) == [3, 2, 6, 3]
 
 
-def test_plain_files_hold_the_numbers(folder, tmp_path):
-    export(folder, tmp_path / "plain", "folder")
-    data = Dataset(folder)
-    with (tmp_path / "plain/episode-00001/frames.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    want = data.episode(1)
-    assert np.allclose([float(r["action.y"]) for r in rows], want["action"][:, 1])
-    image = cv2.imread(str(tmp_path / "plain/episode-00001/eye-000.png"))[..., ::-1]
-    assert np.array_equal(image, want["observation.images.eye"][0])
-    about = json.loads((tmp_path / "plain/episode-00001/episode.json").read_text())
-    assert about["vispeg/world"] == data.episodes[1]["vispeg/world"]
-    with pytest.raises(UserError, match="choices: bop, folder"):
+def test_a_layout_that_there_is_not_is_refused(folder, tmp_path):
+    with pytest.raises(UserError, match="choices: bop"):
         export(folder, tmp_path / "x", "bopp")
 
 

@@ -14,8 +14,8 @@ from vispeg.core.files import reserved
 from vispeg.core.provenance import here
 from vispeg.core.several import several
 from vispeg.datasets.check import check
+from vispeg.datasets.formats.read_bop import Bop
 from vispeg.datasets.formats.registry import EXPORTS
-from vispeg.datasets.formats.stored import Stored
 from vispeg.datasets.opening import open_dataset
 from vispeg.datasets.read import Dataset
 from vispeg.datasets.shards.engine import local, on_ray
@@ -43,7 +43,7 @@ class RenderedDataset:
     resumed: int
     seconds: float
 
-    def open(self) -> Dataset | Stored:
+    def open(self) -> Dataset | Bop:
         """Open the dataset for reading."""
         return open_dataset(self.path)
 
@@ -136,7 +136,7 @@ def render_dataset(
     modality: Literal["rgbd", "rgb"] = "rgbd",
     workers: int = 2,
     engine: Literal["local", "ray"] = "local",
-    format: Literal["lerobot", "bop", "folder"] = "lerobot",
+    format: Literal["lerobot", "bop"] = "lerobot",
     backend: Literal["auto", "classic", "raycast", "filament"] = "auto",
     overwrite: bool = False,
     begun: Begun = lambda frames, resumed: None,
@@ -159,7 +159,7 @@ def render_dataset(
         modality: rgb writes no depth, which LeRobot's policies do not use and its loader reads slowly.
         workers: number of processes with one thread each; 0 to use only this process.
         engine: where workers run: on this machine, or on a Ray cluster (the one at RAY_ADDRESS, if set).
-        format: layout of the folder: LeRobotDataset v3.0, BOP, or plain PNG and CSV files.
+        format: layout of the folder: LeRobotDataset v3.0, or BOP, which pose estimators read.
         backend: renderer, if the world names none.
         overwrite: replace `out` if it exists, once the new dataset is complete.
         begun: called once with the number of frames, and of those that exist already.

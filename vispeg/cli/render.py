@@ -12,9 +12,8 @@ def render(call: Call, no_labels: bool = False) -> None:
     """Render a dataset of the expert's episodes in several looks.
 
     The expert plays a world's task, and its cameras render each moment in several looks. The layout is LeRobotDataset
-    v3.0, BOP, or plain files. Repeat the command to continue a stopped rendering, with the same result; until it ends,
-    the dataset is in OUT.unfinished. The bytes depend neither on the number of workers nor on the engine. See
-    docs/datasets.md.
+    v3.0 or BOP. Repeat the command to continue a stopped rendering, with the same result; until it ends, the dataset is
+    in OUT.unfinished. The bytes depend neither on the number of workers nor on the engine. See docs/datasets.md.
 
     Example:
         vispeg render --world S --frames 2000 --out frames

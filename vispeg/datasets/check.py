@@ -13,7 +13,7 @@ from vispeg.core.errors import UserError
 from vispeg.datasets.describe import CAMERA_FILE, RENDER_FILE, STATS, TASKS
 from vispeg.datasets.episodes import OWN
 from vispeg.datasets.formats.bop import matrix, objects
-from vispeg.datasets.formats.stored import Stored
+from vispeg.datasets.formats.read_bop import Bop
 from vispeg.datasets.layout import COUNTED, depth_of, is_depth, is_picture, pose_of
 from vispeg.datasets.moments import Seen, disagreements
 from vispeg.datasets.opening import open_dataset
@@ -45,7 +45,7 @@ def check(folder: str | Path, watch: Watch = lambda frames: None) -> list[str]:
         UserError: no dataset, or its `meta/info.json` cannot be read.
     """
     data = open_dataset(folder)
-    if isinstance(data, Stored):
+    if isinstance(data, Bop):
         return collected(data.check()) + _records(data, watch)
     if faults := collected(_files(data)):  # a changed file is one fault; its content is not examined further
         return faults
@@ -161,7 +161,7 @@ def _statistics(name: str, stats: Mapping[str, object], real: np.ndarray) -> Ite
             return
 
 
-def _records(data: Dataset | Stored, watch: Watch) -> list[str]:
+def _records(data: Dataset | Bop, watch: Watch) -> list[str]:
     """Return faults of episodes: unreadable pictures, pictures that do not fit their labels, repeated frames."""
     faults: list[str] = []
     digests: dict[bytes, str] = {}
@@ -198,9 +198,9 @@ def _records(data: Dataset | Stored, watch: Watch) -> list[str]:
     return faults
 
 
-def _seen(data: Dataset | Stored, number: int, frames: Mapping[str, np.ndarray]) -> Iterator[Seen]:
+def _seen(data: Dataset | Bop, number: int, frames: Mapping[str, np.ndarray]) -> Iterator[Seen]:
     """Yield the parts with known surface and pose in each camera's pictures of an episode."""
-    if isinstance(data, Stored):
+    if isinstance(data, Bop):
         yield from data.seen(number, frames)
         return
     cameras = data.drawn_cameras(number) if data.models else {}

@@ -159,14 +159,6 @@ def truth_of(features: Container[str]) -> str:
     return TRUTH if TRUTH in features else "label.environment_state"
 
 
-def entries_of(feature: Feature) -> list[str]:
-    """Return names for the numbers of a feature: its `names`, or counts from 0, or '' for a single number."""
-    names, width = feature.get("names"), int(np.prod(feature["shape"]))
-    if isinstance(names, list) and len(names) == width and len({*map(str, names)}) == width:
-        return [str(name) for name in names]
-    return [""] if width == 1 else [str(i) for i in range(width)]
-
-
 def short_of(name: str) -> str:
     """Return the short name of a picture feature, for files and messages: CAMERA, CAMERA_depth, parts.CAMERA."""
     if name.startswith("observation.depth."):

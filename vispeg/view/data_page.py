@@ -113,7 +113,7 @@ class DataPage(Page):
         if opened:
             text = "Step through frames and episodes; `All draws` shows what varied."
         elif offered:
-            text = "Choose a dataset: LeRobot's layout, BOP's, or plain PNG and CSV files."
+            text = "Choose a dataset: LeRobot's layout or BOP's."
         else:
             text = "There is no dataset under this folder. Render a small one, or name the path of one."
         self.guide.content = html.next_step("Frames, and what was drawn for them", text)

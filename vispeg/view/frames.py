@@ -13,7 +13,7 @@ import numpy as np
 from vispeg.api.datasets import render_dataset
 from vispeg.core.errors import UserError
 from vispeg.datasets.episodes import OWN
-from vispeg.datasets.formats.stored import Stored
+from vispeg.datasets.formats.read_bop import Bop
 from vispeg.datasets.layout import colour_of, depth_of
 from vispeg.datasets.opening import open_dataset
 from vispeg.datasets.read import Dataset
@@ -120,7 +120,7 @@ def _drawn(episode: Mapping[str, Any]) -> Mapping[str, Mapping[str, float]]:
     return episode.get(f"{OWN}world") or {}
 
 
-def _drawn_of(data: Dataset | Stored, episode: int) -> list[tuple[str, Mapping[str, float]]]:
+def _drawn_of(data: Dataset | Bop, episode: int) -> list[tuple[str, Mapping[str, float]]]:
     return list(_drawn(dict(data.episodes[episode])).items())
 
 

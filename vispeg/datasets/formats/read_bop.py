@@ -6,6 +6,8 @@ one camera. Masks of visible parts become label pictures, in which objects are n
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -14,14 +16,13 @@ from typing import Any, NotRequired, TypedDict
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.datasets.codec import decode
-from vispeg.datasets.describe import is_integer, is_number
+from vispeg.datasets.codec import DEPTH_STEP, decode
+from vispeg.datasets.describe import Made, is_integer, is_number
+from vispeg.datasets.episodes import Stretch
 from vispeg.datasets.formats.models import read_ply
-from vispeg.datasets.formats.stored import LARGEST, Stored
-from vispeg.datasets.formats.stored import picture as read_picture
-from vispeg.datasets.layout import colour_of, depth, depth_of, parts, picture
+from vispeg.datasets.layout import Feature, colour_of, depth, depth_of, is_depth, parts, picture, pixel_shape
 from vispeg.datasets.moments import Seen
-from vispeg.formats.guard import is_file, read_bytes
+from vispeg.formats.guard import MB, is_file, read_bytes
 from vispeg.formats.json_data import read_json
 from vispeg.render.cameras.camera import PINHOLE, Camera
 
@@ -29,6 +30,8 @@ LISTING, CAMERA, TRUTH = "dataset_info.json", "scene_camera.json", "scene_gt.jso
 INFO = "models/models_info.json"
 ONE_CAMERA = "camera"  # name of the camera where none is stated
 MM = 1e-3  # m in a millimetre
+KEPT = 4  # number of episodes kept in memory
+LARGEST = 256 * MB  # largest file of a picture
 
 
 class PictureCamera(TypedDict):
@@ -46,11 +49,25 @@ class ObjectPose(TypedDict):
     cam_t_m2c: list[float]
 
 
-class Bop(Stored):
-    """A dataset in BOP's format, see Stored. Raises UserError: not such a dataset, or a contradictory one."""
+class Bop:
+    """A dataset in BOP's format, read episode by episode, with the attributes of `vispeg.datasets.read.Dataset`.
+
+    Attributes:
+        folder: folder of the dataset.
+        features: name -> feature of a frame.
+        cameras: name -> camera.
+        parts: names of the parts, which label pictures number from 1.
+        episodes: `length` of each episode, and `dataset_from_index`, the number of its first frame.
+        info: `fps`, None as the format does not state it.
+        made: how the dataset was rendered: not stated.
+
+    Raises:
+        UserError: not such a dataset, or a contradictory one.
+    """
 
     def __init__(self, folder: str | Path):
-        super().__init__(folder)
+        self.folder = Path(folder).expanduser()
+        self._kept: OrderedDict[int, dict[str, np.ndarray]] = OrderedDict()
         self.scenes = sorted(path.parent for path in self.folder.glob(f"*/*/{CAMERA}") if path.parent.name.isdigit())
         if not self.scenes:
             raise UserError("has no scenes", file=self.folder, expected=f"SPLIT/000000/{CAMERA}")
@@ -67,18 +84,43 @@ class Bop(Stored):
         self.objects = _objects(listing, self.folder / LISTING)
         self.parts = tuple(self.objects.values())
         self.cameras = {name: self._camera(name, self.by[0, name]) for name in names}
-        self.features = {}
+        self.features: dict[str, Feature] = {}
         for name, camera in self.cameras.items():
             self.features |= {colour_of(name): picture(camera), depth_of(name, ()): depth(camera)}
             self.features |= {f"label.parts.{name}": parts(camera)} if self.objects else {}
-        self.episodes, first = [], 0
+        self.episodes: list[Stretch] = []
+        first = 0
         for i in range(count):
             lengths = {name: len(self._frames(self.by[i, name])) for name in names}
             if len(set(lengths.values())) > 1:
                 raise UserError("an episode's scenes differ in length", file=self.folder, got=lengths)
             self.episodes.append({"length": lengths[names[0]], "dataset_from_index": first})
             first += lengths[names[0]]
-        self.info, self.made = {"fps": None}, {}
+        self.info: Mapping[str, Any] = {"fps": None}
+        self.made: Made = {}
+
+    def __len__(self) -> int:
+        return sum(e["length"] for e in self.episodes)
+
+    def __getitem__(self, index: int) -> dict[str, np.ndarray]:
+        if not -len(self) <= index < len(self):
+            raise IndexError(f"frame {index} of {len(self)}")
+        index %= len(self)
+        number = bisect_right(self._starts, index) - 1
+        frames = self.episode(number)
+        return {name: frames[name][index - self._starts[number]] for name in self.features}
+
+    def episode(self, number: int) -> dict[str, np.ndarray]:
+        """Return an episode's frames as `read` does; the last KEPT episodes stay in memory."""
+        if number not in self._kept:
+            self._kept[number] = self.read(number)
+            while len(self._kept) > KEPT:
+                self._kept.popitem(last=False)
+        return self._kept[number]
+
+    @cached_property
+    def _starts(self) -> list[int]:
+        return [e["dataset_from_index"] for e in self.episodes]
 
     def _frames(self, scene: Path) -> dict[int, PictureCamera]:
         """Return number of a picture -> its entry in scene_camera.json, in order."""
@@ -112,22 +154,22 @@ class Bop(Stored):
             raise UserError(str(error), file=scene / CAMERA, key=f"{first}.cam_K") from None
 
     def read(self, number: int) -> dict[str, np.ndarray]:
-        """See Stored."""
+        """Read an episode's frames: feature -> (T, ...) array. Raises UserError: damaged files."""
         out: dict[str, np.ndarray] = {}
         for name in self.cameras:
             scene = self.by[number, name]
             frames = self._frames(scene)
             rgb, deep = self.features[colour_of(name)], self.features[depth_of(name, ())]
-            out[colour_of(name)] = np.stack([read_picture(_picture_of(scene / "rgb", i), rgb) for i in frames])
+            out[colour_of(name)] = np.stack([_read(_picture_of(scene / "rgb", i), rgb) for i in frames])
             steps = {i: entry.get("depth_scale", 1.0) * MM for i, entry in frames.items()}
-            depths = [read_picture(_picture_of(scene / "depth", i), deep, steps[i]) for i in frames]
+            depths = [_read(_picture_of(scene / "depth", i), deep, steps[i]) for i in frames]
             out[depth_of(name, ())] = np.stack(depths)
             if self.objects:
                 out[f"label.parts.{name}"] = np.stack([self._parts(scene, i, name) for i in frames])
         return out
 
     def seen(self, number: int, frames: Mapping[str, np.ndarray]) -> Iterator[Seen]:
-        """See Stored."""
+        """Yield the parts with known surface and pose in each camera's pictures of an episode."""
         for name in self.cameras if self.known_models else ():
             scene = self.by[number, name]
             poses = [self._poses(scene).get(str(i), []) for i in self._frames(scene)]
@@ -146,7 +188,7 @@ class Bop(Stored):
         for j, entry in enumerate(self._poses(scene).get(str(i), [])):
             path = scene / "mask_visib" / f"{i:06d}_{j:06d}.png"
             if is_file(path) and entry["obj_id"] in self.objects:
-                out[read_picture(path, feature) > 0] = 1 + order.index(entry["obj_id"])
+                out[_read(path, feature) > 0] = 1 + order.index(entry["obj_id"])
         return out
 
     def _poses(self, scene: Path) -> Mapping[str, list[ObjectPose]]:
@@ -237,3 +279,17 @@ def _picture_of(folder: Path, i: int) -> Path:
     """Return the path of a picture: PNG, JPEG or TIFF, whichever exists."""
     paths = [folder / f"{i:06d}{end}" for end in (".png", ".jpg", ".tif")]
     return next((path for path in paths if is_file(path)), paths[0])
+
+
+def _read(path: Path, feature: Feature, step: float = DEPTH_STEP) -> np.ndarray:
+    """Read a picture file as pixels of a feature; 16-bit depth in steps of `step` m becomes float32 in m.
+
+    Raises:
+        UserError: not a picture, or one of another size or type.
+    """
+    image = decode(read_bytes(path, LARGEST), str(path))
+    kind = np.dtype(np.uint16 if is_depth(feature) else np.uint8)
+    if image.shape != pixel_shape(feature) or image.dtype != kind:
+        expected = f"{pixel_shape(feature)} {kind}"
+        raise UserError("a picture of the wrong type", file=path, expected=expected, got=f"{image.shape} {image.dtype}")
+    return (image * np.float32(step)).astype(np.float32) if is_depth(feature) else image

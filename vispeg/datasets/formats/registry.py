@@ -10,36 +10,30 @@ from typing import Literal
 from vispeg.datasets.check import check
 from vispeg.datasets.example import write_dataset
 from vispeg.datasets.formats.bop import write_bop
-from vispeg.datasets.formats.plain import PLAIN, write_plain
 from vispeg.datasets.shards.rendering import Export
-from vispeg.formats.format import Example, enrol
+from vispeg.formats.format import enrol
 
-EXPORTS: Mapping[str, Export] = {"bop": write_bop, "folder": write_plain}
-
-
-def _as(layout: str) -> Example:
-    """Return the function that writes the example dataset in a layout."""
-
-    def example(folder: Path) -> Path:
-        (new := folder / layout).mkdir()
-        with TemporaryDirectory() as place:
-            EXPORTS[layout](write_dataset(Path(place)), new)
-        return new
-
-    return example
+EXPORTS: Mapping[str, Export] = {"bop": write_bop}
 
 
-enrol(PLAIN.name, _as("folder"), slow=True)(check)
-enrol("BOP", _as("bop"), slow=True)(check)
+def _example(folder: Path) -> Path:
+    """Write the example dataset in BOP's layout."""
+    (new := folder / "bop").mkdir()
+    with TemporaryDirectory() as place:
+        write_bop(write_dataset(Path(place)), new)
+    return new
 
 
-def export(source: Path, out: Path, layout: Literal["bop", "folder"] = "bop", *, overwrite: bool = False) -> None:
+enrol("BOP", _example, slow=True)(check)
+
+
+def export(source: Path, out: Path, layout: Literal["bop"] = "bop", *, overwrite: bool = False) -> None:
     """Write a copy of a dataset in another layout.
 
     Args:
         source: folder of the dataset.
         out: the new folder.
-        layout: BOP, or plain PNG and CSV files.
+        layout: BOP, which pose estimators read.
         overwrite: replace `out` if it exists.
 
     Raises:

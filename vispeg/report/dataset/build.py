@@ -12,7 +12,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.datasets.codec import encode
 from vispeg.datasets.episodes import OWN
-from vispeg.datasets.formats.stored import Stored
+from vispeg.datasets.formats.read_bop import Bop
 from vispeg.datasets.layout import depth_of
 from vispeg.datasets.opening import open_dataset
 from vispeg.datasets.read import Dataset
@@ -52,7 +52,7 @@ def write(dataset: str | Path, out: str | Path, tiles: int = 36, *, overwrite: b
     return Path(out) / PAGE
 
 
-def render(data: Dataset | Stored, contact_sheet: np.ndarray) -> str:
+def render(data: Dataset | Bop, contact_sheet: np.ndarray) -> str:
     """Return the page as HTML, with the contact sheet (H, W, 3) uint8 in it."""
     worlds = [e.get(f"{OWN}world") or {} for e in data.episodes]
     labels = any(k.startswith("label.parts.") for k in data.features)
@@ -68,7 +68,7 @@ def render(data: Dataset | Stored, contact_sheet: np.ndarray) -> str:
     return page(f"dataset {data.folder.name}", "dataset", sections)
 
 
-def headline(data: Dataset | Stored) -> Mapping[str, object]:
+def headline(data: Dataset | Bop) -> Mapping[str, object]:
     """Return totals of the dataset, and how its complete episodes ended."""
     plan = data.made.get("plan", {})
     lengths = [e["length"] for e in data.episodes]
@@ -87,7 +87,7 @@ def headline(data: Dataset | Stored) -> Mapping[str, object]:
     }
 
 
-def cameras(data: Dataset | Stored) -> Mapping[str, object]:
+def cameras(data: Dataset | Bop) -> Mapping[str, object]:
     """Return for each camera a large picture, its intrinsics, and the share of missing depth."""
     frames = [data[i] for i in chosen(data, SAMPLED)]
     limits = depth_range(data, frames)
@@ -125,7 +125,7 @@ def _depth(depths: np.ndarray, low: float, high: float) -> Mapping[str, str]:
     }
 
 
-def guard(data: Dataset | Stored) -> Mapping[str, object]:
+def guard(data: Dataset | Bop) -> Mapping[str, object]:
     """Return figures on how often an episode's look was drawn again because its contrast was too low."""
     redraws = np.array([e.get(f"{OWN}redraws") or 0 for e in data.episodes])
     exhausted = sum(bool(e.get(f"{OWN}redraws_exhausted")) for e in data.episodes)

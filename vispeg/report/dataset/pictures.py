@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from vispeg.datasets.codec import encode
-from vispeg.datasets.formats.stored import Stored
+from vispeg.datasets.formats.read_bop import Bop
 from vispeg.datasets.layout import colour_of, depth_of
 from vispeg.datasets.read import Dataset
 from vispeg.render.image_kinds import depth_picture
@@ -31,7 +31,7 @@ PALETTE = np.array(
 )
 
 
-def depth_range(data: Dataset | Stored, frames: Sequence[Mapping[str, np.ndarray]]) -> dict[str, tuple[float, float]]:
+def depth_range(data: Dataset | Bop, frames: Sequence[Mapping[str, np.ndarray]]) -> dict[str, tuple[float, float]]:
     """Return for each camera with depth its 2nd and 85th percentile, m, so that near depths differ visibly."""
     out = {}
     for name in [name for name in data.cameras if depth_of(name, frames[0]) in frames[0]]:
@@ -48,7 +48,7 @@ def part_picture(parts: np.ndarray) -> np.ndarray:
 
 
 def views(
-    data: Dataset | Stored, frame: Mapping[str, np.ndarray], name: str, limits: tuple[float, float] | None, side: int
+    data: Dataset | Bop, frame: Mapping[str, np.ndarray], name: str, limits: tuple[float, float] | None, side: int
 ) -> list[np.ndarray]:
     """Return a camera's pictures, each `side` px high: colour; depth, if `limits` (m) are given; parts, if labelled."""
     pictures = [frame[colour_of(name)]]
@@ -68,7 +68,7 @@ def enlarged(image: np.ndarray, side: int) -> np.ndarray:
     return cv2.resize(np.ascontiguousarray(image), (width, side), interpolation=how)
 
 
-def chosen(data: Dataset | Stored, count: int) -> list[int]:
+def chosen(data: Dataset | Bop, count: int) -> list[int]:
     """Return frame numbers for a contact sheet, from as many episodes as possible and spread over their length."""
     episodes = data.episodes
     if count >= len(data):
@@ -83,7 +83,7 @@ def chosen(data: Dataset | Stored, count: int) -> list[int]:
     return sorted(out)
 
 
-def sheet(data: Dataset | Stored, count: int, side: int = 96, width: int = 1800) -> np.ndarray:
+def sheet(data: Dataset | Bop, count: int, side: int = 96, width: int = 1800) -> np.ndarray:
     """Return a contact sheet (H, W, 3) uint8: `count` frames, each with every camera's colour, depth and parts.
 
     Args:
