@@ -9,7 +9,7 @@ from typing import Literal
 
 import mujoco
 
-from vispeg.api.export.ending import check_ending
+from vispeg.api.export.export import check_ending
 from vispeg.api.export.urdf import to_urdf
 from vispeg.api.inputs import read_model
 from vispeg.core.errors import UserError

@@ -9,19 +9,21 @@ from typing import Literal
 
 import numpy as np
 
-from vispeg.api.measure.nominal import cell_value, check_part, held_part
 from vispeg.api.measure.result import MeasurementResult, MeasureSettings, check_out, write
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.params import Value
 from vispeg.core.seeds import stream
 from vispeg.core.several import several
+from vispeg.effects.common.parts import body_of, held, shapes, touching
 from vispeg.measure import com, friction, mass, restitution, stiffness
 from vispeg.measure.becomes import payload, placed, scaled, undeclared
 from vispeg.measure.from_recordings import at_rest, declared_tool, presses, slides
 from vispeg.measure.outcome import Outcome
 from vispeg.measure.readings import Readings, choose, of_instruments, read
 from vispeg.robots.scene import FIXTURE
+from vispeg.task.registry import scene_of
+from vispeg.task.world_file import load_world
 from vispeg.worlds.measurement_file import Measurement, Quantity, load_measurement
 
 Effects = Callable[[Sequence[Quantity]], list[EffectInstance]]
@@ -304,3 +306,31 @@ def _table(readings: str | Path, settings: MeasureSettings) -> Readings:
 
 def _is_table(paths: Sequence[Path]) -> bool:
     return len(paths) == 1 and not paths[0].is_dir()
+
+
+def cell_value(what: Literal["mass", "friction"], part: str, world: str) -> float:
+    """Return the mass (kg) of a part's body, or its coefficient of sliding friction, in a world's cell.
+
+    Raises:
+        UserError: an unknown world or part, or a part without the value.
+    """
+    scene = scene_of(load_world(world).task)
+    parts = touching(scene) if what == "friction" else held(scene)
+    if part not in parts:
+        raise UserError(f"has no {what} that an effect scales", key="--where", got=part, choices=parts)
+    model = scene.compile()
+    if what == "mass":
+        return float(model.body(body_of(part)).mass[0])
+    return float(model.geom_friction[shapes(model, part), 0].max())
+
+
+def check_part(part: str, world: str) -> None:
+    """Check that a part makes contact in a world's cell. Raises UserError: it does not, or an unknown world."""
+    parts = touching(scene_of(load_world(world).task))
+    if part not in parts:
+        raise UserError("no such part", key="--where", got=part, choices=parts)
+
+
+def held_part(world: str) -> str:
+    """Return the part that the gripper holds in a world's cell. Raises UserError: an unknown world."""
+    return scene_of(load_world(world).task).held
