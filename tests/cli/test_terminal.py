@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import subprocess
+import sys
 
 import pytest
 
@@ -73,7 +74,7 @@ def test_lists(vispeg, command, monkeypatch):
 
 def test_what_is_listed_can_be_named(monkeypatch):
     monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
-    monkeypatch.setattr("vispeg.robots.menagerie._downloaded", lambda folder: None)
+    monkeypatch.setitem(sys.modules, "mujoco_menagerie", None)  # not installed
     from vispeg.api.library import catalogue
     from vispeg.evaluation.entrants import entrant
     from vispeg.learn.shipped import policy_folder

@@ -204,7 +204,7 @@ def test_mixing_appends_along_transitions():
     assert torch.equal(both.obs["policy"][:, 4:], b.obs["policy"])
 
 
-def test_the_memory_of_a_ring_is_known_before_it_is_taken(monkeypatch, tmp_path):
+def test_the_memory_of_a_ring_is_known_before_it_is_taken(tmp_path):
     """As its arrays have it; above what is free, the number that fits is said."""
     space = spaces.Dict(
         {
@@ -228,7 +228,7 @@ def test_the_memory_of_a_ring_is_known_before_it_is_taken(monkeypatch, tmp_path)
     for name, value in (("max", "3000000"), ("current", "2900000"), ("stat", "anon 1\ninactive_file 50000")):
         (group.parent / f"memory.{name}").write_text(value)
     assert available(tmp_path) == 150_000  # of the group above, whose files' pages would go
-    monkeypatch.setattr("vispeg.learn.experience.replay.available", lambda: available(tmp_path))
-    assert "of 0.14 MiB that are free" in afford(40, space, action, "--replay", "replay")
-    with pytest.raises(UserError, match=r"replay: replay of 400 entries: .* free; expected \d+ or less"):
-        afford(400, space, action, "--replay", "replay")
+    assert "iB that are free" in afford(40, space, action, "--replay", "replay")
+    many = 2 * 40 * available() // need  # twice what is free
+    with pytest.raises(UserError, match=rf"replay: replay of {many} entries: .* free; expected \d+ or less"):
+        afford(many, space, action, "--replay", "replay")

@@ -244,11 +244,15 @@ def test_a_picture_is_written_without_a_word(tmp_path, capfd):
 
 
 def test_a_video_that_cannot_be_made_says_why(tmp_path, monkeypatch):
+    def lacking():
+        raise RuntimeError("No ffmpeg exe could be found.")
+
     frames = np.zeros((2, 32, 48, 3), np.uint8)
-    monkeypatch.setattr("vispeg.evaluation.films.video.ffmpeg", lambda: None)
+    monkeypatch.setattr("imageio_ffmpeg.get_ffmpeg_exe", lacking)  # as where there is none
     with pytest.raises(UserError, match=r"v\.mp4: no ffmpeg here"):
         write_video(tmp_path / "v", frames, 12.5)
-    monkeypatch.setattr("vispeg.evaluation.films.video.ffmpeg", lambda: "false")
+    monkeypatch.undo()
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", "false")  # a program that fails
     with pytest.raises(UserError, match="ffmpeg failed"):
         write_video(tmp_path / "v", frames, 12.5)
 

@@ -3,6 +3,7 @@
 import hashlib
 import os
 import re
+import sys
 from pathlib import Path
 
 import mujoco
@@ -408,7 +409,7 @@ def test_an_arm_is_here_where_its_folder_is(tmp_path, monkeypatch):
     with pytest.raises(UserError, match="cannot get the robot 'robotstudio_so101'"):
         menagerie.find("so101")
     monkeypatch.delenv("MENAGERIE_ROOT")
-    monkeypatch.setattr(menagerie, "_package", lambda: None)
+    monkeypatch.setitem(sys.modules, "mujoco_menagerie", None)  # not installed
     assert menagerie.state("so101") == "not here"
     with pytest.raises(UserError, match="'so101' is not here.*pip install.*menagerie"):
         load("so101")

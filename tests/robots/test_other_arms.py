@@ -1,5 +1,6 @@
 """The peg task on arms of seven joints and six, each by one world file; their guards; their null space."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -63,7 +64,7 @@ def test_a_world_says_its_robot_and_reads_back(world, tmp_path):
 @pytest.mark.parametrize("name", CHAINS)
 def test_an_arm_of_the_users_own_stands_on_the_world_of_its_name(tmp_path, monkeypatch, name):
     monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
-    monkeypatch.setattr("vispeg.robots.menagerie._downloaded", lambda folder: None)
+    monkeypatch.setitem(sys.modules, "mujoco_menagerie", None)  # not installed
     write(tmp_path, "arm", CHAINS[name])
     robot = {"model": "arm.xml", "flange": "attachment_site", "flange_pos": [0, 0, 0], "flange_quat": [1, 0, 0, 0]}
     (tmp_path / "own.yaml").write_text(yaml.safe_dump({"format": "vispeg-world/1", "base": name, "robot": robot}))
@@ -176,7 +177,7 @@ def test_each_guard_ends_an_episode_with_its_own_category(tmp_path):
 
 def test_an_arm_that_is_not_installed_is_refused_in_one_line(monkeypatch):
     monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
-    monkeypatch.setattr("vispeg.robots.menagerie._downloaded", lambda folder: None)
+    monkeypatch.setitem(sys.modules, "mujoco_menagerie", None)  # not installed
     with pytest.raises(UserError, match="'ur5e' is not here.*pip install.*menagerie.*MENAGERIE_ROOT"):
         load_world("ur5e")
 
@@ -186,7 +187,7 @@ def test_a_folder_of_scenes_alone_is_no_robot(tmp_path, monkeypatch):
     (tmp_path / "empty_bot" / "scene.xml").write_text("<mujoco/>")
     write(tmp_path, "panda", PANDA)
     monkeypatch.setenv("MENAGERIE_ROOT", str(tmp_path))
-    monkeypatch.setattr("vispeg.robots.menagerie._downloaded", lambda folder: None)
+    monkeypatch.setitem(sys.modules, "mujoco_menagerie", None)  # not installed
     assert find("empty_bot") is None and available() == []
 
 
