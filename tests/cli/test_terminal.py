@@ -134,6 +134,8 @@ def test_the_shell_completes_commands_options_choices_and_names(vispeg, tmp_path
     assert completed(script, "vispeg", "diagnose", "iiwa14", "--recording", "a", "--va") == ["--validate"]
     assert completed(script, "vispeg", "record", "--motion", "tap", "iiw") == ["iiwa14"]
     assert completed(script, "vispeg", "record", "--seed", "my") == [""], "a number"
+    for given, wanted in (((), ["distill", "distill+sac", "sac"]), (("d",), ["distill", "distill+sac"])):  # --recipe=d
+        assert sorted(completed(script, "vispeg", "train", "--recipe", "=", *given)) == wanted
     for shell in ("zsh", "fish"):
         code, out, _ = vispeg("completion", shell)
         assert code == 0 and all(name in out for name in COMMANDS)

@@ -21,12 +21,15 @@ ZSH = """(( $+functions[compdef] )) || { autoload -U compinit && compinit; }
 autoload -U +X bashcompinit && bashcompinit
 """
 # After `--option value` an option of several values goes on, any other has ended. Names of files may have spaces.
+# bash makes three words of `--option=value`.
 BASH = """_vispeg() {{
   local current="${{COMP_WORDS[COMP_CWORD]}}" command="" option="" words="" files="" i=$((COMP_CWORD - 1))
   [[ $COMP_CWORD -gt 1 ]] && command="${{COMP_WORDS[1]}}"
   case "$command" in {groups}) [[ $COMP_CWORD -gt 2 ]] && command="$command ${{COMP_WORDS[2]}}" ;; esac
   while [[ $i -gt 0 && "${{COMP_WORDS[i]}}" != --* ]]; do i=$((i - 1)); done
   [[ $i -gt 0 && "$current" != -* ]] && option="${{COMP_WORDS[i]}}"
+  [[ "${{COMP_WORDS[i+1]}}" == "=" && $((i + 1)) -lt $COMP_CWORD ]] && i=$((i + 1))
+  [[ "$current" == "=" ]] && current=""
   case "$command|$option|$((COMP_CWORD - i))" in
 {cases}
   esac
