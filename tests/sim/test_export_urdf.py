@@ -5,7 +5,9 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 
+from vispeg.api.export.model import export_model
 from vispeg.api.export.urdf import fits, to_urdf
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.errors import UserError
@@ -113,26 +115,59 @@ def test_the_flange_is_where_it_was(own, tmp_path):
     assert np.allclose(flange_pose(load(tmp_path / "arm.urdf"), q), flange_pose(robot, q), atol=1e-6)
 
 
-SHAPES = """<mujoco><asset><mesh name="wedge" vertex="0 0 0 .1 0 0 0 .2 0 0 0 .3 .02 .03 .04"/></asset>
-  <worldbody><body name="a"><joint name="j" axis="0 1 0" pos="0 0 .1"/><geom type="box" size=".1 .2 .3" euler="0 0 30"/>
-  <geom type="cylinder" size=".02" fromto="0 0 0 .3 0 .4"/>
-  <geom type="mesh" mesh="wedge" pos=".1 0 0" euler="0 40 0"/><site name="flange"/></body></worldbody></mujoco>"""
+SHAPES = """<mujoco><asset><material name="glass" rgba="0 0 1 .5"/>
+  <mesh name="wedge" vertex="0 0 0 .1 0 0 0 .2 0 0 0 .3 .02 .03 .04"/>
+  <mesh name="grip/wedge" file="wedge.obj" scale=".5 -2 1" refpos=".3 .1 0" refquat="1 1 0 0"/></asset>
+  <worldbody><geom name="foot" type="box" size=".1 .1 .2" pos="0 0 -.2"/>
+  <body name="a"><joint name="j" axis="0 1 0" pos="0 0 .1"/><geom type="box" size=".1 .2 .3" euler="0 0 30"/>
+  <geom type="mesh" mesh="grip/wedge" group="3" pos="0 .1 0" euler="10 0 0"/>
+  <geom type="cylinder" size=".02" fromto="0 0 0 .3 0 .4" contype="0" conaffinity="0" group="2" material="glass"/>
+  <body name="b"><joint name="k"/><geom type="mesh" mesh="wedge" pos=".1 0 0" euler="0 40 0" rgba="1 0 0 1"/>
+  <geom type="sphere" size=".3" contype="0" conaffinity="0" group="4" mass="0"/><site name="flange"/></body></body>
+  </worldbody></mujoco>"""
 
 
-def test_shapes_lie_where_the_file_has_them_however_it_states_them(tmp_path):
-    """Middles and extents: of a box turned by angles, a cylinder between two points, and a mesh without a file."""
+def boxes(model, geoms):
+    """Middles and half extents along the world's axes, (n, 6) m."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    turn, local = data.geom_xmat[geoms].reshape(-1, 3, 3), model.geom_aabb[geoms]
+    middle = data.geom_xpos[geoms] + (turn @ local[:, :3, None])[..., 0]
+    return np.hstack([middle, (np.abs(turn) @ local[:, 3:, None])[..., 0]])
+
+
+def test_a_simulator_that_reads_it_draws_what_is_drawn_and_collides_with_what_collides(tmp_path):
+    """Shapes turned by angles, between two points, fixed to the world, and meshes that a file moves, turns or mirrors.
+
+    Of a body with shapes for display only, those are drawn.
+    """
+    trimesh.creation.box((0.1, 0.2, 0.3)).apply_translation((0.3, 0.1, 0)).export(tmp_path / "wedge.obj")
     (tmp_path / "arm.xml").write_text(SHAPES)
     made = to_urdf(World(str(tmp_path / "arm.xml")))
-    assert [*made.meshes] == ["meshes/wedge.stl"]
+    assert [*made.meshes] == ["meshes/wedge.stl", "meshes/grip-wedge.stl"] and not made.lacking
     keep = '<mujoco><compiler discardvisual="false" strippath="false"/></mujoco>'
-    made = replace(made, xml=made.xml.replace('<robot name="arm">', f'<robot name="arm">{keep}'))
-    found = []
-    for model in (read(made, tmp_path), mujoco.MjModel.from_xml_string(SHAPES)):
-        data = mujoco.MjData(model)
-        mujoco.mj_kinematics(model, data)
-        halves = np.abs(data.geom_xmat.reshape(-1, 3, 3)) @ model.geom_aabb[:, 3:, None]
-        found.append(np.hstack([data.geom_xpos, halves[:, :, 0]]))
-    assert np.allclose(*found, atol=1e-6), "m"
+    text = made.xml.replace('<robot name="arm">', f'<robot name="arm">{keep}')
+    theirs, ours = read(replace(made, xml=text), tmp_path), mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    collides = theirs.geom_contype > 0
+    assert np.allclose(boxes(theirs, collides), boxes(ours, [0, 1, 2, 4]), atol=1e-6), "m"
+    assert np.allclose(boxes(theirs, ~collides), boxes(ours, [0, 3, 4]), atol=1e-6), "m"
+    assert np.allclose(theirs.geom_rgba[~collides], [[0.5, 0.5, 0.5, 1], [0, 0, 1, 0.5], [1, 0, 0, 1]])
+
+
+@pytest.mark.parametrize("to", ["urdf", "mjcf"])
+def test_the_name_of_a_mesh_leads_to_no_other_folder(to, tmp_path):
+    (tmp_path / "deep/er").mkdir(parents=True)
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(tmp_path / "deep/er/wedge.obj")
+    (tmp_path / "deep/er/arm.xml").write_text(SHAPES.replace("grip/wedge", "../../../wedge"))
+    out = export_model(tmp_path / "deep/er/arm.xml", tmp_path / f"deep/er/new.{ {'mjcf': 'xml'}.get(to, to) }", to)
+    assert {path.parent.name for path in tmp_path.rglob("*wedge*")} == {"er", "new-meshes"}
+    assert load(out.file).joints == ("j", "k"), "it can be read again"
+
+
+def test_an_arm_without_shapes_that_collide_is_said_to_be_one(tmp_path):
+    (tmp_path / "arm.xml").write_text(OFFSET.replace("<geom", '<geom contype="0" conaffinity="0"'))
+    with pytest.warns(UserWarning, match="no shape of the model collides"):
+        assert "<collision" not in to_urdf(World(str(tmp_path / "arm.xml"))).xml
 
 
 def test_what_urdf_cannot_say_is_named_and_two_joints_in_a_body_are_refused(tmp_path):
@@ -157,6 +192,9 @@ def test_a_joint_that_follows_another_does_so_in_the_urdf_and_when_that_is_read(
     (tmp_path / "arm.xml").write_text(COUPLED)
     made = to_urdf(World(str(tmp_path / "arm.xml")))
     assert '<mimic joint="j1"' in made.xml and not made.lacking
+    (tmp_path / "off.xml").write_text(COUPLED.replace("<joint joint1", "<joint active='false' joint1"))
+    off = to_urdf(World(str(tmp_path / "off.xml")))
+    assert "<mimic" not in off.xml and not off.lacking, "what is off couples nothing"
     (tmp_path / "again.urdf").write_text(made.xml)
     off = []
     for model in (mujoco.MjModel.from_xml_string(COUPLED), load(tmp_path / "again.urdf").compile()):

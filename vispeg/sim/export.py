@@ -9,8 +9,10 @@ d = 2 J zeta w (`common.servo_loop`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 
 import mujoco
@@ -199,7 +201,7 @@ def _read_from(spec: mujoco.MjSpec, folder: str) -> dict[str, bytes]:
     files: dict[str, bytes] = {}
 
     def placed(prefix: str, name: str, file: Path) -> str:
-        at = f"{folder}/{prefix}{name or file.stem}{file.suffix}"
+        at = free_name(f"{folder}/{prefix}", name or file.stem, file.suffix, files)
         files[at] = file.read_bytes()
         return at
 
@@ -219,6 +221,15 @@ def _read_from(spec: mujoco.MjSpec, folder: str) -> dict[str, bytes]:
     spec.meshdir = spec.texturedir = ""
     spec.assets = {**spec.assets, **files}
     return files
+
+
+def free_name(start: str, name: str, end: str, taken: Collection[str]) -> str:
+    """Return the path `start` `name` `end`, numbered if it is taken.
+
+    Slashes in a name, which is a stranger's, do not lead to other folders.
+    """
+    plain = start + re.sub(r"[/\\]", "-", name)
+    return next(path for k in count() if (path := f"{plain}-{k}{end}" if k else plain + end) not in taken)
 
 
 def listed(left_out: tuple[EffectInstance, ...], who: str = "MuJoCo") -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree as xml
@@ -15,8 +15,10 @@ from trimesh.exchange.stl import export_stl
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
+from vispeg.core.notes import note
+from vispeg.report.live.shapes import rgba_of, visible
 from vispeg.robots.model import GRAVITY, RobotModel, load
-from vispeg.sim.export import compiled_with, is_native, listed
+from vispeg.sim.export import compiled_with, free_name, is_native, listed
 from vispeg.worlds.world import World
 
 # fields of the MuJoCo model that a URDF can express
@@ -47,6 +49,22 @@ class Urdf:
     meshes: Mapping[str, bytes]
 
 
+@dataclass(frozen=True)
+class _Mesh:
+    """A mesh as a file, and the pose in it of the frame that MuJoCo compiles it to.
+
+    Attributes:
+        file: its path in the text.
+        stl: the content.
+        pos, turn: the pose, m.
+    """
+
+    file: str
+    stl: bytes
+    pos: np.ndarray
+    turn: Rotation
+
+
 def fits(placed: EffectInstance) -> bool:
     """Return whether a URDF can express an effect completely."""
     kind = effect(placed.effect)
@@ -66,24 +84,35 @@ def to_urdf(world: World, meshes: str = "meshes") -> Urdf:
     robot = load(world.robot, tool=world.tool)
     native = tuple(e for e in world.effects if fits(e))
     model, _ = compiled_with(World(world.robot, world.tool, native))
-    spec, files = robot.spec(), dict[str, bytes]()
-    plain = spec.compile()  # gives the spec's elements their ids
+    plain = robot.compile()
     root, shift = xml.Element("robot", name=Path(world.robot).stem), _anchors(model)
     mimics = _mimics(model)
-    for b in range(model.nbody):
-        link = xml.SubElement(root, "link", name=_name(model, b))
-        if model.body_mass[b] > 0:
-            _inertial(link, model, b, shift[b])
-        if b:
-            _shapes(link, spec, plain, model.body(b).name, shift[b], meshes, files)
+    links = [xml.SubElement(root, "link", name=_name(model, b)) for b in range(model.nbody)]
+    for b in np.flatnonzero(model.body_mass > 0).tolist():
+        _inertial(links[b], model, b, shift[b])
+    roles = _roles(plain)
+    files = _meshes(plain, [g for geoms in roles.values() for g in geoms], meshes)
+    if not roles["collision"]:
+        note(f"{world.robot}: no shape of the model collides, so the URDF has no <collision>")
+    for role, geoms in roles.items():
+        for g in geoms:
+            b = model.body(plain.body(plain.geom_bodyid[g]).name).id
+            if (made := _geometry(plain, g, files)) is not None:
+                shape, pos, quat = made
+                element = xml.SubElement(links[b], role)
+                _origin(element, pos - shift[b], quat)
+                element.append(shape)
+                if role == "visual":
+                    _material(element, plain, g)
     for b in range(1, model.nbody):
         _joint(root, model, robot, b, shift, mimics)
     _flange(root, model, robot.flange, shift)
     left_out = tuple(e for e in world.effects if e not in native)
     rotors = {n: float(a) for n in robot.joints if (a := model.dof_armature[model.joint(n).dofadr[0]]) > 0}
     xml.indent(root)
+    contents = {mesh.file: mesh.stl for mesh in files.values()}
     text = '<?xml version="1.0"?>\n' + listed(left_out, "URDF") + xml.tostring(root, encoding="unicode") + "\n"
-    return Urdf(text, native, left_out, rotors, _lacking(model, plain, mimics), files)
+    return Urdf(text, native, left_out, rotors, _lacking(model, plain, roles, mimics), contents)
 
 
 def _mimics(model: mujoco.MjModel) -> dict[int, int]:
@@ -96,19 +125,24 @@ def _mimics(model: mujoco.MjModel) -> dict[int, int]:
     return out
 
 
-def _lacking(model: mujoco.MjModel, plain: mujoco.MjModel, mimics: Mapping[int, int]) -> tuple[str, ...]:
+def _lacking(
+    model: mujoco.MjModel, plain: mujoco.MjModel, roles: Mapping[str, list[int]], mimics: Mapping[int, int]
+) -> tuple[str, ...]:
     """Return the features of `model` that URDF has no element for; shapes are those of `plain`, without effects."""
     of = [model.joint(j).name for j in range(model.njnt)]
     sprung = (model.jnt_stiffness > 0) | model.jnt_stiffnesspoly.any(axis=1)
     curved = model.dof_dampingpoly[model.jnt_dofadr].any(axis=1)
+    shown = [g for geoms in roles.values() for g in geoms]
     named = {
         "springs of": [name for name, there in zip(of, sprung, strict=True) if there],
         "damping that grows with speed of": [name for name, there in zip(of, curved, strict=True) if there],
         "couplings": [
-            model.equality(i).name or f"equality{i + 1}" for i in range(model.neq) if i not in mimics.values()
+            model.equality(i).name or f"equality{i + 1}"
+            for i in np.flatnonzero(model.eq_active0)
+            if i not in mimics.values()
         ],
         "tendons": [model.tendon(i).name or f"tendon{i + 1}" for i in range(model.ntendon)],
-        "shapes": sorted({G(int(k)).name[7:].lower() for k in plain.geom_type[plain.geom_bodyid > 0]} - {*SHAPES}),
+        "shapes": sorted({G(int(k)).name[7:].lower() for k in plain.geom_type[shown]} - {*SHAPES}),
     }
     out = [f"{what} {', '.join(names)}" for what, names in named.items() if names]
     if not np.allclose(model.opt.gravity, (0, 0, -GRAVITY)):
@@ -170,62 +204,57 @@ def _inertial(link: xml.Element, model: mujoco.MjModel, b: int, shift: np.ndarra
     xml.SubElement(inertial, "inertia", {name: f"{full[at]:.12g}" for name, at in names.items()})
 
 
-def _shapes(
-    link: xml.Element,
-    spec: mujoco.MjSpec,
-    model: mujoco.MjModel,
-    body: str,
-    shift: np.ndarray,
-    meshes: str,
-    files: dict[str, bytes],
-) -> None:
-    """Add the body's shapes that URDF supports, collision shapes too, as visual ones; collect mesh files in `files`.
+def _roles(model: mujoco.MjModel) -> dict[str, list[int]]:
+    """Return by element of a URDF the geoms that it stands for: what is drawn, and what collides."""
+    collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    return {"visual": visible(model), "collision": np.flatnonzero(collides).tolist()}
 
-    Sizes and poses are those of the compiled `model` of `spec`, since a file may state them in several ways.
+
+def _material(visual: xml.Element, model: mujoco.MjModel, g: int) -> None:
+    """Add the colour of geom `g`; materials of one name are one to readers, so the name is the colour."""
+    rgba = _numbers(np.array(rgba_of(model, g)))
+    material = xml.SubElement(visual, "material", name="rgba_" + rgba.replace(" ", "_"))
+    xml.SubElement(material, "color", rgba=rgba)
+
+
+def _geometry(
+    model: mujoco.MjModel, g: int, meshes: Mapping[int, _Mesh]
+) -> tuple[xml.Element, np.ndarray, np.ndarray] | None:
+    """Return the `<geometry>` of geom `g` and its pose in the body; None for a kind that URDF does not have."""
+    kind, size, shape = model.geom_type[g], model.geom_size[g], xml.Element("geometry")
+    pos, quat = model.geom_pos[g], model.geom_quat[g]
+    if kind == G.mjGEOM_MESH:
+        mesh = meshes[int(model.geom_dataid[g])]
+        xml.SubElement(shape, "mesh", filename=mesh.file)
+        turn = Rotation.from_quat(quat, scalar_first=True) * mesh.turn.inv()
+        pos, quat = pos - turn.apply(mesh.pos), turn.as_quat(scalar_first=True)
+    elif kind == G.mjGEOM_BOX:
+        xml.SubElement(shape, "box", size=_numbers(2 * size))
+    elif kind == G.mjGEOM_SPHERE:
+        xml.SubElement(shape, "sphere", radius=f"{size[0]:.12g}")
+    elif kind == G.mjGEOM_CYLINDER:
+        xml.SubElement(shape, "cylinder", radius=f"{size[0]:.12g}", length=f"{2 * size[1]:.12g}")
+    else:
+        return None
+    return shape, pos, quat
+
+
+def _meshes(model: mujoco.MjModel, geoms: Iterable[int], folder: str) -> dict[int, _Mesh]:
+    """Return the meshes of `geoms` as STL, by their id.
+
+    Vertices are the compiled ones, since a URDF states neither a mesh's reference pose nor other formats than STL that
+    every reader has; they are moved back to the origin of the file, from where the compiler moves them to the centre of
+    mass and the principal axes.
     """
-    for geom in spec.body(body).geoms:
-        kind, size = model.geom_type[geom.id], model.geom_size[geom.id]
-        shape, pos, quat = xml.Element("geometry"), model.geom_pos[geom.id], model.geom_quat[geom.id]
-        if kind == G.mjGEOM_MESH:
-            name, content, scale, place = _mesh(spec, model, spec.mesh(geom.meshname))
-            files[f"{meshes}/{name}"] = content
-            xml.SubElement(shape, "mesh", filename=f"{meshes}/{name}", scale=_numbers(scale))
-            turn = Rotation.from_quat(quat, scalar_first=True) * place[1]
-            pos, quat = pos + turn.apply(place[0]), turn.as_quat(scalar_first=True)
-        elif kind == G.mjGEOM_BOX:
-            xml.SubElement(shape, "box", size=_numbers(2 * size))
-        elif kind == G.mjGEOM_SPHERE:
-            xml.SubElement(shape, "sphere", radius=f"{size[0]:.12g}")
-        elif kind == G.mjGEOM_CYLINDER:
-            xml.SubElement(shape, "cylinder", radius=f"{size[0]:.12g}", length=f"{2 * size[1]:.12g}")
-        else:
-            continue
-        visual = xml.SubElement(link, "visual")
-        _origin(visual, pos - shift, quat)
-        visual.append(shape)
-
-
-def _mesh(
-    spec: mujoco.MjSpec, model: mujoco.MjModel, mesh: mujoco.MjsMesh
-) -> tuple[str, bytes, np.ndarray, tuple[np.ndarray, Rotation]]:
-    """Return a mesh's file name, its content, its scale (3,), and the pose of the file's frame in the compiled one.
-
-    The compiler moves a mesh to its centre of mass and principal axes. A mesh without a file is written as compiled.
-    """
-    if mesh.file:
-        file = Path(spec.modelfiledir or ".") / (spec.meshdir or "") / mesh.file
-        back = Rotation.from_quat(model.mesh_quat[mesh.id], scalar_first=True).inv()
-        place = back.apply(-model.mesh_pos[mesh.id]), back
-        return f"{mesh.name or file.stem}{file.suffix}", file.read_bytes(), mesh.scale, place
-    vertices, faces = (
-        getattr(model, f"mesh_{what}")[start : start + number]
-        for what, start, number in (
-            ("vert", model.mesh_vertadr[mesh.id], model.mesh_vertnum[mesh.id]),
-            ("face", model.mesh_faceadr[mesh.id], model.mesh_facenum[mesh.id]),
-        )
-    )
-    content = export_stl(trimesh.Trimesh(vertices, faces, process=False))
-    return f"{mesh.name}.stl", content, np.ones(3), (np.zeros(3), Rotation.identity())
+    made: dict[int, _Mesh] = {}
+    for m in sorted({int(model.geom_dataid[g]) for g in geoms if model.geom_type[g] == G.mjGEOM_MESH}):
+        v, f = int(model.mesh_vertadr[m]), int(model.mesh_faceadr[m])
+        turn, pos = Rotation.from_quat(model.mesh_quat[m], scalar_first=True), model.mesh_pos[m]
+        vertices = turn.apply(model.mesh_vert[v : v + model.mesh_vertnum[m]]) + pos
+        faces = model.mesh_face[f : f + model.mesh_facenum[m]]
+        file = free_name(f"{folder}/", model.mesh(m).name, ".stl", [mesh.file for mesh in made.values()])
+        made[m] = _Mesh(file, export_stl(trimesh.Trimesh(vertices, faces, process=False)), pos, turn)
+    return made
 
 
 def _joint(

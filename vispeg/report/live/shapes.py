@@ -66,13 +66,18 @@ def skeleton(model: mujoco.MjModel) -> list[tuple[int, np.ndarray, np.ndarray]]:
     return out
 
 
-def colour_of(model: mujoco.MjModel, g: int) -> tuple[float, ...]:
-    """Return the colour (3,) of a geom, 0 to 1: its own, or its material's."""
+def rgba_of(model: mujoco.MjModel, g: int) -> tuple[float, ...]:
+    """Return the colour and opacity (4,) of a geom, 0 to 1: its own, or its material's."""
     material = int(model.geom_matid[g])
     rgba = model.geom_rgba[g]
     if material >= 0 and np.allclose(rgba, (0.5, 0.5, 0.5, 1.0)):  # MuJoCo's default: no colour of its own
         rgba = model.mat_rgba[material]
-    return tuple(float(c) for c in rgba[:3])
+    return tuple(float(c) for c in rgba)
+
+
+def colour_of(model: mujoco.MjModel, g: int) -> tuple[float, ...]:
+    """Return the colour (3,) of a geom, 0 to 1: its own, or its material's."""
+    return rgba_of(model, g)[:3]
 
 
 def shape_of(model: mujoco.MjModel, g: int) -> tuple[np.ndarray, np.ndarray] | None:
