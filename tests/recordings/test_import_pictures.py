@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from fractions import Fraction
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -13,7 +14,9 @@ from made import recording
 from vispeg.api.recording.convert import convert
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
+from vispeg.recordings.frames.camera import RecordedCamera
 from vispeg.recordings.importers.bagimages import camera_name
+from vispeg.recordings.importers.camera_info import lens_of
 from vispeg.recordings.importers.lerobot_video import decoded, import_video
 from vispeg.recordings.importers.mapping import ColumnMap
 from vispeg.recordings.importers.pictures import Album
@@ -229,6 +232,41 @@ def test_a_camera_that_cannot_be_read_says_why(tmp_path):
         source = bag(tmp_path / f"run{number}", "mcap", **stated)
         with pytest.raises(UserError, match=said):
             import_rosbag(source, "iiwa14", JOINTS, ColumnMap(), topics, tmp_path)
+
+
+@pytest.mark.parametrize("flat", [False, True])
+def test_a_part_of_a_sensor_in_blocks_of_pixels_keeps_its_directions(flat):
+    """A picture whose pixels hold their own column and row, cut and averaged in blocks, says where its pixels look."""
+    sensor = {"width": 40, "height": 30, "binning_x": 2, "binning_y": 3, "distortion_model": "plumb_bob"}
+    k, p = (
+        np.array([[50, 0, 18.7], [0, 51, 15.2], [0, 0, 1]]),
+        np.array([[45, 0, 17, -3.0], [0, 46, 14, 0], [0, 0, 1, 0]]),
+    )
+    part = SimpleNamespace(x_offset=4, y_offset=6, width=30, height=21, do_rectify=False)
+    lens = lens_of(SimpleNamespace(**sensor, roi=part, k=k.ravel(), p=p.ravel(), d=[0.1, 0.01, 0, 0]), flat)
+    places = np.stack(np.meshgrid(np.arange(40.0), np.arange(30.0)), -1)[6:27, 4:34]
+    blocks = places.reshape(7, 3, 15, 2, 2).mean(axis=(1, 3))
+    assert (lens.height, lens.width) == blocks.shape[:2]
+    here = np.stack(np.meshgrid(np.arange(lens.width), np.arange(lens.height)), -1)
+    stated = p if flat else k
+    assert np.allclose(
+        (here - (lens.cx, lens.cy)) / (lens.fx, lens.fy), (blocks - stated[:2, 2]) / stated[[0, 1], [0, 1]]
+    )
+    assert lens.distortion == ((0,) * 5 if flat else (0.1, 0.01, 0, 0, 0))
+    part.do_rectify = True
+    if flat:
+        with pytest.raises(UserError, match="region of interest"):
+            lens_of(SimpleNamespace(**sensor, roi=part, k=k.ravel(), p=p.ravel(), d=[]), flat)
+
+
+@pytest.mark.parametrize("wrong", [{"focal": 0.0}, {"lens": (0.1, 0, 0, 0, 0, 0.2)}])
+def test_a_stated_camera_comes_before_that_of_the_bag_which_may_be_unusable(wrong, tmp_path):
+    pytest.importorskip("rosbags")
+    source = bag(tmp_path / "run", "mcap", **wrong)
+    mine = RecordedCamera("wrist_color", W, H, 20.0, 20.0, 7.5, 5.5)
+    topics = Topics(images=("/wrist/color/image_raw",))
+    frames = import_rosbag(source, "iiwa14", JOINTS, ColumnMap(), topics, tmp_path, {"wrist_color": mine}).frames
+    assert len(frames) == 4 and frames.cameras["wrist_color"].K.tolist() == mine.K.tolist()
 
 
 def test_cameras_are_named_after_their_namespace():

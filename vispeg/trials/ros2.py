@@ -440,6 +440,4 @@ def camera_from(info: Any, eye: Camera, name: str, rectified: bool = False) -> C
     Raises:
         UserError: as `lens_of`.
     """
-    (fx, fy, cx, cy), distortion = lens_of(info, rectified, key=name)
-    size = {"width": int(info.width), "height": int(info.height)}
-    return eye.moved(**size, fx=fx, fy=fy, cx=cx, cy=cy, distortion=distortion)
+    return eye.moved(**lens_of(info, rectified, key=name)._asdict())

@@ -66,9 +66,14 @@ def camera_name(topic: str) -> str:
 
 
 def read_images(
-    reader: Any, topics: Mapping[str, str], album: Album, clock: Callable[[float, float], float], source: Path
+    reader: Any,
+    topics: Mapping[str, str],
+    album: Album,
+    clock: Callable[[float, float], float],
+    source: Path,
+    known: Mapping[str, RecordedCamera],
 ) -> dict[str, RecordedCamera]:
-    """Read pictures into an album; return camera name -> camera for the cameras that have a CameraInfo message.
+    """Read pictures into an album; return camera name -> camera: a known one, or that of its CameraInfo message.
 
     The cameras have no pose, as CameraInfo has none. Pictures of `image_rect` topics have no distortion. Colour and
     depth of the same optical frame and size are pictures of one camera.
@@ -79,12 +84,13 @@ def read_images(
         album: receives the pictures.
         clock: maps (header stamp ns, bag time ns) to s on the clock of the recording's samples.
         source: the bag, named in error messages.
+        known: camera name -> camera whose CameraInfo message, if any, is not read.
 
     Raises:
         UserError: an unknown encoding, a picture that is cut short, a camera that `lens_of` refuses, or two topics that
             would be one camera.
     """
-    cameras: dict[str, RecordedCamera] = {}
+    cameras = dict(known)
     names = _names(reader, topics, source)
     for topic in topics:
         kind, decode = _reading(reader, topic)
@@ -92,11 +98,10 @@ def read_images(
         for stamp, at, message in messages(reader, topic, kind, source):
             image, unit = decode(message, source, topic)
             album.add(name, clock(stamp, at), image, unit=unit)
-        info = _info(reader, topic, source)
-        if info is not None and name not in cameras:
+        info = None if name in cameras else _info(reader, topic, source)
+        if info is not None:
             rectified = any(part.startswith("image_rect") for part in topic.split("/"))
-            numbers, brown = lens_of(info, rectified, file=source, key=f"camera '{name}'")
-            cameras[name] = RecordedCamera(name, int(info.width), int(info.height), *numbers, distortion=brown)
+            cameras[name] = RecordedCamera(name, *lens_of(info, rectified, file=source, key=f"camera '{name}'"))
     return cameras
 
 

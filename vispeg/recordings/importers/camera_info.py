@@ -1,8 +1,8 @@
-"""Read a camera's lens from a ROS 1 or ROS 2 CameraInfo message."""
+"""Read a camera from a ROS 1 or ROS 2 CameraInfo message."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,8 +11,23 @@ from vispeg.core.errors import UserError
 MODELS = ("plumb_bob", "rational_polynomial")
 
 
-def lens_of(info: Any, rectified: bool, **where: Any) -> tuple[list[float], tuple[float, float, float, float, float]]:
-    """Return fx, fy, cx, cy, px, and Brown's k1, k2, p1, p2, k3 of the pictures that a CameraInfo message describes.
+class Lens(NamedTuple):
+    """Intrinsics of pictures: px, the centre of the top left pixel is (0, 0); `distortion`: Brown's k1 k2 p1 p2 k3."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, float, float, float, float]
+
+
+def lens_of(info: Any, rectified: bool, **where: Any) -> Lens:
+    """Return the intrinsics of the pictures that a CameraInfo message describes.
+
+    The message states those of the whole sensor; the pictures may be a part of it (`roi`) in which blocks of
+    `binning_x` times `binning_y` pixels became one.
 
     Args:
         info: the message.
@@ -20,11 +35,10 @@ def lens_of(info: Any, rectified: bool, **where: Any) -> tuple[list[float], tupl
         where: `file` or `key` of errors.
 
     Raises:
-        UserError: not calibrated, a lens that Brown's model does not express, or binning or a region of interest.
+        UserError: not calibrated, a lens that Brown's model does not express, or a part of rectified pictures that is
+            not the part of the sensor.
     """
     K, D, P = (np.ravel(getattr(info, name, getattr(info, name.upper(), ()))).astype(float) for name in "kdp")
-    if max(info.binning_x, info.binning_y) > 1 or (info.roi.width and info.roi.width != info.width):
-        raise UserError("binning or a region of interest", expected="the whole picture", **where)
     lens, model = np.zeros(0) if rectified else D, str(info.distortion_model)
     if np.any(lens) and (model not in MODELS or np.any(lens[5:])):
         expected = f"{' or '.join(MODELS)}, no coefficient but k1, k2, p1, p2, k3"
@@ -33,5 +47,14 @@ def lens_of(info: Any, rectified: bool, **where: Any) -> tuple[list[float], tupl
     if not (fx > 0 and fy > 0):
         expected = f"focal lengths above 0 in {'P' if rectified else 'K'} of its CameraInfo"
         raise UserError("a camera that is not calibrated", expected=expected, got=(float(fx), float(fy)), **where)
+    part, blocks = info.roi, np.maximum([info.binning_x, info.binning_y], 1)  # 0 counts as 1
+    whole = np.array([info.width, info.height])
+    size = np.array([part.width or info.width, part.height or info.height])
+    if rectified and part.do_rectify and (size < whole).any():
+        raise UserError("rectified pictures of a region of interest of their own", expected="do_rectify off", **where)
+    width, height = (size // blocks).tolist()
+    fx, fy = (np.array([fx, fy]) / blocks).tolist()
+    # the edge of the first pixel, half a pixel before its centre, stays where it is
+    cx, cy = ((np.array([cx, cy]) - [part.x_offset, part.y_offset]) / blocks + (0.5 / blocks - 0.5)).tolist()
     k1, k2, p1, p2, k3 = np.pad(lens[:5], (0, 5 - len(lens[:5]))).tolist()
-    return [float(fx), float(fy), float(cx), float(cy)], (k1, k2, p1, p2, k3)
+    return Lens(width, height, fx, fy, cx, cy, (k1, k2, p1, p2, k3))

@@ -110,11 +110,12 @@ def import_rosbag(
             def seconds(stamp: float, at: float) -> float:
                 return ((stamp if stamp > 0 else at) - int(origin)) * 1e-9
 
-            stated = read_images(reader, image_topics(reader, topics.images, source), album, seconds, source)
+            wanted = image_topics(reader, topics.images, source)
+            stated = read_images(reader, wanted, album, seconds, source, cameras or {})
     rec = build(columns, source, robot, joints, mapping, **header)
     if album is None or not topics.images:
         return rec
-    return replace(rec, frames=album.frames(rec, stated | dict(cameras or {})))
+    return replace(rec, frames=album.frames(rec, stated))
 
 
 def joint_topics(source: Path) -> tuple[str, ...]:
