@@ -1,4 +1,8 @@
-"""The surfaces of a model's geoms as triangles, in the axes of each geom."""
+"""The surfaces of a model's geoms as triangles, in the axes of each geom.
+
+They are those of `trimesh.creation`, whose import takes 0.4 s, which planning a data set does without. MuJoCo's own
+`MjsMesh.make_*` have no capsule, points inside the solid, and numbers of single precision.
+"""
 
 from __future__ import annotations
 
