@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from vispeg.core.effect import effect
 from vispeg.core.frame import Frame
-from vispeg.effects.camera.timing.rolling_shutter import arriving, image_flow
+from vispeg.effects.common.image_motion import arriving, image_flow
 from vispeg.render.backends.backend import Renderer
 from vispeg.render.cameras.standard import standard_cameras
 from vispeg.robots.scene import build

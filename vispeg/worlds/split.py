@@ -5,10 +5,10 @@ Each effect draws from its own random stream, so the parts of a randomized world
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
-from vispeg.core.effect import ARM, OPTICAL, effect
+from vispeg.core.effect import ARM, OPTICAL, Effect, effect
 from vispeg.worlds.places import acts_on
 from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.world import World
@@ -42,4 +42,9 @@ def optical(world: AnyWorld, cameras: Sequence[str]) -> AnyWorld:
 def moving(world: World | RandomizedWorld) -> bool:
     """Return whether an effect of the world needs to know which bodies an image shows (see `CameraEffect.moving`)."""
     entries = world.entries if isinstance(world, RandomizedWorld) else world.effects
-    return any(getattr(effect(e.effect), "moving", False) for e in entries)
+
+    def stated(kind: Effect, params: Mapping[str, object]) -> bool:
+        given = {name: params[name] for name in getattr(kind, "moving", ()) if name in params}
+        return any(getattr(value, "value", value) != kind.params[name].null for name, value in given.items())
+
+    return any(stated(effect(e.effect), e.params) for e in entries)

@@ -19,7 +19,8 @@ class CameraEffect(Effect):
     """A fault of a camera. It has no target on a bare robot, which has no camera.
 
     Class attributes:
-        moving: True if it needs to know which bodies an image shows, and how the camera moves relative to them.
+        moving: parameters with which it needs to know which bodies an image shows, and how the camera moves relative to
+            them.
         photometric: True if it changes only each pixel's colour, on its own and in the same way in every frame.
         random: True if it is drawn anew in each frame or episode, so that no picture can be predicted with it.
         parts: groups of parameters, each of which is a fault by itself, without the others.
@@ -28,7 +29,7 @@ class CameraEffect(Effect):
     """
 
     family = "camera"
-    moving: ClassVar[bool] = False
+    moving: ClassVar[tuple[str, ...]] = ()
     photometric: ClassVar[bool] = False
     random: ClassVar[bool] = False
     parts: ClassVar[tuple[tuple[str, ...], ...]] = ()

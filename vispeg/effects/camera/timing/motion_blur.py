@@ -1,9 +1,9 @@
-"""Motion blur: light is averaged along the line by which the image moves while the shutter is open.
+"""Motion blur: light is averaged along the line by which each pixel moves while the shutter is open.
 
-The line is the sum of two shifts: `length` px in the direction `angle`, and the shift of the image's centre by the
-camera's own motion (v, w) in `exposure` seconds, du/dt = -fx (vx / z + wy), dv/dt = -fy (vy / z - wx), with the scene's
-mean 1 / z. Source of the flow: Longuet-Higgins and Prazdny, The interpretation of a moving retinal image, 1980, at the
-principal point. Ranges: 0 to 3 px in practitioners' recipes; 2 to 20 ms of exposure indoors.
+The line is the sum of two shifts: `length` px in the direction `angle`, the same for all pixels, and the shift in
+`exposure` seconds by the camera's motion relative to the body that the pixel shows
+(`vispeg.effects.common.image_motion`). What is carried with the camera stays sharp, and what moves before a camera at
+rest does not. Ranges: 0 to 3 px in practitioners' recipes; 2 to 20 ms of exposure indoors.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from vispeg.core.params import Param
-from vispeg.effects.common.disparity import disparity, truth
+from vispeg.effects.common.image_motion import arriving, image_flow, nearness
 from vispeg.effects.common.light import LightEffect
 
 LONGEST = 31.0  # px; a longer line is shortened to this: nothing could be seen in the image anyhow
@@ -25,9 +25,10 @@ class MotionBlur(LightEffect):
     name = "motion_blur"
     channel = "light"
     order = 54
+    moving = ("exposure",)
     params = {
         "length": Param(0.0, 0.0, 15.0, "px", start=2.0, doc="length of the blur along `angle`"),
-        "exposure": Param(0.0, 0.0, 0.1, "s", start=0.01, doc="exposure time, for the camera's own motion"),
+        "exposure": Param(0.0, 0.0, 0.1, "s", start=0.01, doc="exposure time, for what moves before the camera"),
         "angle": Param(
             0.0, -np.pi, np.pi, "rad", start=0.0, shape=True, doc="direction of `length`: 0 right, pi/2 down"
         ),
@@ -38,15 +39,41 @@ class MotionBlur(LightEffect):
 
         du = np.asarray(p["length"]) * np.cos(p["angle"])
         dv = np.asarray(p["length"]) * np.sin(p["angle"])
-        if frame.velocity is not None and np.any(p["exposure"]):
-            flow = _flow(frame) * np.asarray(p["exposure"])[:, None]
-            du, dv = du + flow[:, 0], dv + flow[:, 1]
 
         def smear(light, row):
+            if frame.velocity is not None and p["exposure"][row]:
+                near = nearness(frame, row)
+                moved = image_flow(frame, row, near) * np.float32(p["exposure"][row])
+                if moved[..., :2].any():
+                    moved[..., :2] += np.array((du[row], dv[row]), np.float32)
+                    return averaged(light, moved, near)
             kernel = line_kernel(float(du[row]), float(dv[row]))
             return cv2.filter2D(light, -1, kernel, borderType=cv2.BORDER_REPLICATE)
 
         return smear
+
+
+def averaged(light: np.ndarray, moved: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Return the mean (H, W, 3) of an image's light at moments about a pixel of motion apart.
+
+    Args:
+        light: (H, W, 3), at the middle moment.
+        moved: (H, W, 3) by how much what each pixel shows moves in all: px across and down, and m away.
+        near: (H, W) 1/m, as by `nearness`.
+    """
+    import cv2
+
+    length = np.hypot(moved[..., 0], moved[..., 1])
+    moved = moved * np.minimum(1, LONGEST / np.maximum(length, 1e-9))[..., None]
+    count = int(np.ceil(min(float(length.max()), LONGEST))) + 1
+    height, width = near.shape
+    v, u = np.mgrid[:height, :width].astype(np.float32)
+    total = np.zeros_like(light)
+    for t in (np.arange(count, dtype=np.float32) + 0.5) / count - 0.5:
+        shift = arriving(moved * t, near)
+        at = u - shift[..., 0], v - shift[..., 1]
+        total += cv2.remap(light, *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return total / count
 
 
 @lru_cache(maxsize=1024)  # the blur by `length` is the same for a whole episode
@@ -68,14 +95,3 @@ def line_kernel(du: float, dv: float) -> np.ndarray:
     cells = np.concatenate([at, at + 1, at + side, at + side + 1])
     weights = np.concatenate([(1 - a) * (1 - b), (1 - a) * b, a * (1 - b), a * b]) / count
     return np.bincount(cells, weights, side * side).reshape(side, side).astype(np.float32)
-
-
-def _flow(frame) -> np.ndarray:
-    """Return the motion (n, 2) of the image's centre in px/s, at the mean 1 / z of the image; at 1 m without depth."""
-    inverse = np.ones(frame.n)
-    if (depth := truth(frame)) is not None:
-        for row, z in enumerate(depth):
-            inverse[row] = float(disparity(z, np.float32(1)).sum()) / max(np.count_nonzero(z), 1)
-    v = frame.velocity
-    fx, fy = frame.K[:, 0, 0], frame.K[:, 1, 1]
-    return np.stack([-fx * (v[:, 0] * inverse + v[:, 4]), -fy * (v[:, 1] * inverse - v[:, 3])], axis=1)
