@@ -57,12 +57,16 @@ def test_the_page_and_its_websocket_need_the_token_and_the_page_s_own_address(ga
     assert Gate().token != Gate().token
 
 
-def dropped(socket, button, name, parts, said):
-    """Sends a file as the page's script does, of `said` bytes."""
+def sent(socket, message):
+    socket.send(msgspec.msgpack.encode({"type": type(message).__name__, **vars(message)}))
+
+
+def dropped(socket, button, name, parts, said, announced=None):
+    """Sends a file as the page's script does, of `said` bytes, or the first of `announced` parts."""
     uuid, head = f"transfer-{name}", button._impl.uuid
-    start = messages.FileTransferStartUpload(head, uuid, name, "text/csv", len(parts), said)
-    for message in (start, *(messages.FileTransferPart(head, uuid, i, p) for i, p in enumerate(parts))):
-        socket.send(msgspec.msgpack.encode({"type": type(message).__name__, **vars(message)}))
+    sent(socket, messages.FileTransferStartUpload(head, uuid, name, "text/csv", announced or len(parts), said))
+    for i, part in enumerate(parts):
+        sent(socket, messages.FileTransferPart(head, uuid, i, part))
 
 
 def test_what_is_dropped_has_a_limit_in_all_and_its_own_size(gated):
@@ -86,6 +90,30 @@ def test_what_is_dropped_has_a_limit_in_all_and_its_own_size(gated):
             time.sleep(0.05)
         assert button.value.name == "last.csv"
         assert not server.gui._current_file_upload_states  # nothing of the refused is held
+
+
+def test_an_upload_that_is_cut_or_refused_takes_no_room(gated):
+    """A file that is longer than announced, and a window that is closed while its file is sent."""
+    import time
+
+    server, url, button = gated
+    http, ws, query = bare(url)
+    arriving, until = server.gui._current_file_upload_states, time.monotonic() + 20
+    with client.connect(f"{ws}/?{query}", origin=http, subprotocols=PROTOCOL) as socket:
+        pose = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 1.0, 0.01, 100.0, 480, 640, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+        sent(socket, messages.ViewerCameraMessage(*pose))  # a window begins with it
+        dropped(socket, button, "liar.csv", [b"a" * 900, b"a"], 900)
+        dropped(socket, button, "cut.csv", [b"b" * 300], 900, announced=2)
+        while "transfer-cut.csv" not in arriving and time.monotonic() < until:
+            time.sleep(0.02)
+        assert [*arriving] == ["transfer-cut.csv"]
+    with client.connect(f"{ws}/?{query}", origin=http, subprotocols=PROTOCOL) as socket:
+        while arriving and time.monotonic() < until:
+            time.sleep(0.02)
+        dropped(socket, button, "fits.csv", [b"c" * 500, b"c" * 500], 1000)
+        while button.value.name != "fits.csv" and time.monotonic() < until:
+            time.sleep(0.02)
+    assert button.value.name == "fits.csv" and len(button.value.content) == 1000
 
 
 @pytest.mark.parametrize("port", [0, -1, 65536, 10**20])

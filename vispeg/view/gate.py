@@ -124,29 +124,30 @@ def limit_uploads(server: Any, most: int = UPLOADS) -> None:
     from viser import _messages as messages
 
     gui, link = server.gui, server.gui._websock_interface
-    room = [most]  # bytes that may still come; a list, because the handlers change it
-    arriving: dict[str, int] = {}  # upload -> bytes that are still announced
+    arrived = [0]  # bytes of whole files; a list, because a handler changes it
+    arriving = gui._current_file_upload_states  # without those of closed windows
     begin, part = gui._handle_file_transfer_start, gui._handle_file_transfer_part
 
     def begun(client: int, message: Any) -> None:
-        if not 0 <= message.size_bytes <= room[0]:
+        room = most - arrived[0] - sum(state["total_bytes"] for state in arriving.values())
+        if not 0 <= message.size_bytes <= room:
             window = server.get_clients().get(client)
             if window is not None:
-                text = f"{size(room[0])} of {size(most)} are left; name the path of the file instead, or start again."
+                text = f"{size(room)} of {size(most)} are left; name the path of the file instead, or start again."
                 window.add_notification("Too large to be dropped", text, color="red")
             return
-        room[0] -= message.size_bytes
-        arriving[message.transfer_uuid] = message.size_bytes
         begin(client, message)
 
     def came(client: int, message: Any) -> None:
-        left = arriving.get(message.transfer_uuid, -1) - len(message.content)
-        if left < 0:  # more than announced, or never begun
-            gui._current_file_upload_states.pop(message.transfer_uuid, None)
+        state = arriving.get(message.transfer_uuid)
+        if state is None:  # never begun
+            return
+        if state["transferred_bytes"] + len(message.content) > state["total_bytes"]:  # more than announced
             arriving.pop(message.transfer_uuid, None)
             return
-        arriving[message.transfer_uuid] = left
         part(client, message)
+        if message.transfer_uuid not in arriving:
+            arrived[0] += state["transferred_bytes"]
 
     for kind, old, new in (
         (messages.FileTransferStartUpload, begin, begun),
