@@ -1,5 +1,6 @@
 """Work in a process of its own: it answers in order, errors are told, and it can be stopped at any moment."""
 
+import multiprocessing
 import threading
 import time
 
@@ -79,6 +80,34 @@ def test_it_is_stopped_in_the_middle(worker, ears):
     worker.stop()
     ears.until("stopped", "sleep")
     assert time.monotonic() - start < 10 and not worker.alive and not worker.busy
+
+
+def test_a_request_to_a_process_that_has_died_is_not_waited_for(worker, ears):
+    worker.ask("sleep")
+    ears.until("told", "asleep")
+    worker.stop()
+    ears.until("stopped", "sleep")
+    worker.ask("add", 1)
+    assert not worker.busy
+
+
+def test_stop_clicked_twice_at_once_leaves_one_process(tmp_path):
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    job = Job(Place(server, tmp_path, 1), lambda name, value: None, lambda free: None)
+    before = {child.pid for child in multiprocessing.active_children()}
+    try:
+        job.begin(Counter, (3,), "sleep")
+        together = threading.Barrier(2)
+        for _ in range(5):
+            clicks = [threading.Thread(target=lambda: (together.wait(), job.stop())) for _ in range(2)]
+            for click in clicks:
+                click.start()
+            for click in clicks:
+                click.join()
+            assert len({child.pid for child in multiprocessing.active_children()} - before) == 1
+    finally:
+        job.end()
+        server.stop()
 
 
 def test_a_page_that_is_slow_to_draw_ends_idle(tmp_path):

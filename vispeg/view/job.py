@@ -87,10 +87,12 @@ class Job:
                     if mine and mine[0] is self.worker:  # ignore messages of a stopped worker
                         self._heard(kind, name, value)
 
-            self.worker = self.start(heard)
+            old, self.worker = self.worker, self.start(heard)
             mine.append(self.worker)
             for method in self.first:
                 self.worker.ask(method)
+        if old is not None:  # died, or started by another click in between
+            old.stop()
         self._shown()
 
     def _heard(self, kind: Kind, name: str, value: Any) -> None:

@@ -43,7 +43,10 @@ class Worker:
     def ask(self, method: str, *args: Any) -> None:
         """Request a call of a method, after all earlier requests."""
         self._asked.append(method)
-        self._pipe.send((method, args))
+        try:
+            self._pipe.send((method, args))
+        except OSError:  # the process has died, as `_listen` reports
+            self._asked.clear()
 
     @property
     def busy(self) -> bool:
