@@ -182,8 +182,8 @@ def test_urdf_inertias_that_no_body_has_are_mended_as_mujoco_would(tmp_path, com
 
 def test_urdf_of_another_program_or_without_a_base_says_what_to_do(tmp_path):
     xacro = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="a"><xacro:include filename="b.xacro"/></robot>'
-    for name in ("arm.urdf", "arm.urdf.xacro"):
-        with pytest.raises(UserError, match=rf"needs xacro; expected its result: xacro {name} > arm.urdf"):
+    for name, out in (("arm.urdf", "arm-expanded.urdf"), ("arm.urdf.xacro", "arm.urdf")):  # not onto itself
+        with pytest.raises(UserError, match=rf"needs xacro; expected its result: xacro {name} > {out}$"):
             load(write(tmp_path, xacro, name))
     with pytest.raises(UserError, match="j1: a floating joint; expected a base that stands still"):
         load(write(tmp_path, THREE.format(compiler="").replace("revolute", "floating", 1), "free.urdf"))

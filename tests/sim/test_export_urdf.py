@@ -201,8 +201,9 @@ def test_a_joint_that_follows_another_does_so_in_the_urdf_and_when_that_is_read(
         data, found = mujoco.MjData(model), []
         for data.qpos[:] in stream(0, "coupled").uniform(-0.5, 0.5, (5, 2)):
             mujoco.mj_forward(model, data)
-            found.append(float(data.efc_pos[data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY][0]))
+            found.append(data.efc_pos[data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY].tolist())
         off.append(found)
+    assert np.shape(off) == (2, 5, 1), "it is coupled once"
     assert np.allclose(*off, atol=1e-9) and np.ptp(off) > 0.1
 
 

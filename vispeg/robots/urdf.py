@@ -59,7 +59,6 @@ def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
         spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
     except REFUSALS as error:
         raise UserError(f"MuJoCo cannot read it: {error}", file=path) from error
-    _couple(spec, root)
     for joint in spec.joints:
         joint.damping, joint.frictionloss = [0.0, 0.0, 0.0], 0.0
         body = joint.parent
@@ -71,18 +70,6 @@ def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
         visual = geom.contype == 0 and geom.conaffinity == 0
         geom.group = 2 if visual else 3
     return spec, limits
-
-
-def _couple(spec: mujoco.MjSpec, root: ET.Element) -> None:
-    """Add the couplings that `<mimic>` states, which MuJoCo does not read."""
-    for joint in root.findall("joint"):
-        mimic = joint.find("mimic")
-        if mimic is None or joint.get("type") == "fixed":
-            continue
-        offset, slope = float(mimic.get("offset") or 0), float(mimic.get("multiplier") or 1)
-        coupling = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT)
-        coupling.name1, coupling.name2 = joint.get("name", ""), mimic.get("joint", "")
-        coupling.data[:5] = (offset, slope, 0.0, 0.0, 0.0)  # coefficients of a polynomial
 
 
 def _complete_ranges(root: ET.Element) -> None:
@@ -112,7 +99,10 @@ def _limits(joint: str, limit: ET.Element, path: Path) -> tuple[float, float]:
 def _refuse_xacro(root: ET.Element, path: Path) -> None:
     """Raise UserError for a xacro file, which is a macro source from which a URDF is generated."""
     if any(str(element.tag).startswith("xacro:") for element in root.iter()):
-        out = path.name.partition(".")[0] + ".urdf"
+        stem = path.name.partition(".")[0]
+        out = (
+            f"{stem}.urdf" if path.name != f"{stem}.urdf" else f"{stem}-expanded.urdf"
+        )  # a shell would empty its input
         raise UserError("needs xacro", file=path, expected=f"its result: xacro {path.name} > {out}")
 
 
