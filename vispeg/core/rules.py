@@ -100,13 +100,9 @@ class Compared:
     posture: float = _rule(0.05, "joints", "24523092",
         "RMS angle error (rad) of a joint from which an OSC recording is compared in the measured posture.",
         reason="inertia and gravity differ by some per cent there")
-    touch_before: float = _rule(0.03, "joints", "d380f188",
-        "Seconds before a contact that joints do not judge.")
     touch_after: float = _rule(0.5, "joints", "d380f188",
         "Seconds after a contact that joints do not judge.",
         reason="OSC's null-space control needs as long to remove its effect on the posture")
-    touch_graze: float = _rule(0.1, "joints", "d380f188",
-        "Seconds after a contact in which a lighter force still acts on the model's arm.")
     touch_light: float = _rule(1.0, "joints", "d380f188",
         "Force (N) from which a measured contact acts on the model's arm.",
         reason="less hardly moves an arm under soft control")

@@ -55,13 +55,12 @@ def contact_of(rec: Recording, robot: RobotModel) -> Contact | None:
     if contact is None or not contact.touching.any():
         return None
     episode = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
-    free, acts = np.ones(len(rec.time), bool), np.zeros(len(rec.time), bool)
+    free = np.ones(len(rec.time), bool)
     for number in np.unique(episode):
         rows = np.flatnonzero(episode == number)
-        free[rows] = ~_widened(rec.time[rows], contact.touching[rows], RULES.touch_after)
-        acts[rows] = _widened(rec.time[rows], contact.touching[rows], RULES.touch_graze)
+        free[rows] = ~_since(rec.time[rows], contact.touching[rows], RULES.touch_after)
     wrench, torque = np.nan_to_num(contact.contact), np.zeros(rec.q.shape)
-    acting = np.flatnonzero(acts)
+    acting = np.flatnonzero(contact.touching)
     for start in range(0, len(acting), ROWS):
         rows = acting[start : start + ROWS]
         jac = nominal_of(robot, len(rows)).operational(np.nan_to_num(rec.q[rows]))[1]
@@ -69,11 +68,7 @@ def contact_of(rec: Recording, robot: RobotModel) -> Contact | None:
     return Contact(free, torque)
 
 
-def _widened(time: np.ndarray, on: np.ndarray, longer: float) -> np.ndarray:
-    """Return the samples (n,) bool from `touch_before` s before to `longer` s after any sample that is `on` (n,)."""
-    index = np.where(on, np.arange(len(on)), -1)
-    last = np.maximum.accumulate(index)
-    after = (last >= 0) & (time - time[last] <= longer)
-    ahead = np.where(on, np.arange(len(on)), len(on))[::-1]
-    following = np.minimum(np.minimum.accumulate(ahead)[::-1], len(on) - 1)
-    return after | (on[following] & (time[following] - time <= RULES.touch_before))
+def _since(time: np.ndarray, on: np.ndarray, longer: float) -> np.ndarray:
+    """Return the samples (n,) bool that are `on` (n,), or at most `longer` s after one that is."""
+    last = np.maximum.accumulate(np.where(on, np.arange(len(on)), -1))
+    return (last >= 0) & (time - time[last] <= longer)
