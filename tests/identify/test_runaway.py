@@ -67,7 +67,7 @@ def test_what_is_left_of_several_episodes_is_their_sum(calm):
 
 def test_where_it_is_lost_at_once_what_follows_is_what_there_is(calm):
     kept = without_runaway(thrown(calm, 0.2, 0.5), ROBOT, LEAST)
-    assert kept.time[0] == pytest.approx(0.5 + RULES.runaway_after, abs=0.02) and kept.time[-1] == calm.time[-1]
+    assert kept.time[0] == pytest.approx(0.5 + RULES.settle_observed, abs=0.02) and kept.time[-1] == calm.time[-1]
 
 
 def test_nothing_is_left_out_where_nothing_would_be_left_or_known(calm):

@@ -78,7 +78,8 @@ class Compared:
         "Seconds at the start of a stretch that are not judged.",
         reason="the start state is not measured and its error fades")
     settle_observed: float = _rule(1.2, "joints", "d3946098",
-        "The same where a wrong start fades only by the observer, or by OSC's null-space control.",
+        "The same where a wrong start fades only by the observer, or by OSC's null-space control; and seconds after a "
+        "loop lost its arm that are left out.",
         reason="the observer's 8 rad/s leave under 1 in 1000 of it")
     runaway_speed: float = _rule(3.0, "joints", "47e115cb",
         "Multiple of its rated speed from which a joint's control loop counts as unstable.",
@@ -86,12 +87,8 @@ class Compared:
     runaway_before: float = _rule(0.1, "joints", "47e115cb",
         "Seconds before such a speed that are left out.",
         reason="errors grow before they show")
-    runaway_after: float = _rule(1.0, "joints", "47e115cb",
-        "Seconds after such a speed that are left out.")
     saturated_beyond: float = _rule(1.5, "joints", "fb73cacf",
         "Multiple of the greatest torque that the motion needed, beyond which a command counts as not delivered.")
-    saturated_share: float = _rule(0.5, "joints", "fb73cacf",
-        "Share of the samples with such a command, from which a position loop counts as open.")
     saturated_flat: float = _rule(0.25, "joints", "fb73cacf",
         "Share of its mean by which the torque that a saturated drive gives may vary.")
     beyond_stop: float = _rule(0.05, "joints", "fb73cacf",

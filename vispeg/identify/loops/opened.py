@@ -45,7 +45,8 @@ def saturated(rec: Recording, robot: RobotModel) -> np.ndarray:
     along = np.where(beyond, np.sign(asked) * needed, 0.0)
     mean = along.sum(axis=0) / count
     spread = np.sqrt(np.where(beyond, (along - mean) ** 2, 0.0).sum(axis=0) / count)
-    return (beyond.mean(axis=0) > RULES.saturated_share) & (spread < RULES.saturated_flat * mean)
+    most = 2 * beyond.sum(axis=0) > len(beyond)
+    return most & (spread < RULES.saturated_flat * mean)
 
 
 def _torques(rec: Recording, robot: RobotModel, s: Segment) -> tuple[np.ndarray, np.ndarray]:

@@ -59,7 +59,7 @@ def _lost(time: np.ndarray, q: np.ndarray, limit: np.ndarray) -> np.ndarray:
     fast = time[(np.abs(dq) > RULES.runaway_speed * limit).any(axis=1)]  # a missing reading is not fast
     # the last fast sample that is not too far ahead; it must not be too far back either
     last = np.searchsorted(fast, time + RULES.runaway_before, side="right") - 1
-    return (last >= 0) & (fast[last] >= time - RULES.runaway_after) if len(fast) else np.zeros(len(time), bool)
+    return (last >= 0) & (fast[last] >= time - RULES.settle_observed) if len(fast) else np.zeros(len(time), bool)
 
 
 def _stretches(rows: np.ndarray) -> list[np.ndarray]:
