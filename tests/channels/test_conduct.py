@@ -115,6 +115,18 @@ def test_a_channel_is_searched_again_with_what_a_later_one_named():
     assert [e.label for e in found.world.effects] == [HOLE.label] and found.record["verdict"] == "identified"
 
 
+def test_channels_whose_results_depend_on_one_another_come_to_an_end():
+    """The joints find one offset unless another is given, which pictures find only beside the first."""
+    other = EffectInstance.of("encoder_offset", "joint5", offset=0.003)
+    asked = Channels(
+        joints=lambda given: () if other.label in given else (OFFSET,),
+        pictures=lambda given: (other,) if OFFSET.label in given else (),
+    )
+    found = asked.run()
+    assert len(asked.asked) == len(set(asked.asked)), "each is asked each once"
+    assert {e.label for e in found.world.effects} == {OFFSET.label, other.label}
+
+
 RUBS = EffectInstance.of("coulomb_friction", "joint4", torque=1.0)
 
 

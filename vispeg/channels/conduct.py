@@ -15,7 +15,6 @@ import numpy as np
 
 from vispeg.channels.channel import CHANNELS, Both, Channel, How
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.core.rules import RULES
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.schema import ChannelRecord, DiagnosisRecord
@@ -105,7 +104,8 @@ def search_in_turn(
 ) -> list[ChannelResult]:
     """Search every channel, and again each one for which other channels have since found different effects.
 
-    Stops when none needs another search, or after `channel_rounds` rounds.
+    Stops when none needs another search. A channel is searched once with each set of others' effects; if it meets a set
+    again, it has the result that it had, so channels whose results depend on one another do not go on for ever.
 
     Args:
         channels: those that the recordings have.
@@ -117,24 +117,20 @@ def search_in_turn(
         the last result of each channel, in the order of `channels`.
     """
     results: dict[str, ChannelResult] = {}
-    for _ in range(RULES.channel_rounds):
+    known: dict[tuple[str, frozenset[str]], ChannelResult] = {}
+    searched = True
+    while searched:
         searched = False
         for c in channels:
             others = [r for name, r in results.items() if name != c.name]
             assumed = tuple(e for r in others for e in r.firm if c.heeds(effect(e.effect)))
-            if c.name in results and _same_effects(results[c.name].assumed, assumed):
-                continue
-            with_assumed = f", with {', '.join(e.label for e in assumed)} as others found them" if assumed else ""
-            say(f"{c.name}{with_assumed}")
-            results[c.name], searched = ChannelResult(c, search(c, world.add(*assumed)), assumed), True
-        if not searched:
-            break
+            key = c.name, frozenset(e.label for e in assumed)
+            if key not in known:
+                with_assumed = f", with {', '.join(e.label for e in assumed)} as others found them" if assumed else ""
+                say(f"{c.name}{with_assumed}")
+                known[key], searched = ChannelResult(c, search(c, world.add(*assumed)), assumed), True
+            results[c.name] = known[key]
     return [results[c.name] for c in channels]
-
-
-def _same_effects(a: Sequence[EffectInstance], b: Sequence[EffectInstance]) -> bool:
-    """Return whether two lists have the same effects at the same places; their values may differ."""
-    return {e.label for e in a} == {e.label for e in b}
 
 
 def joined(results: Sequence[ChannelResult], world: World) -> Diagnosis:

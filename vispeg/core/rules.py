@@ -740,8 +740,6 @@ class Concluded:
         "Standard deviation (mm) of the heights of a board's corners over its plane, before any is measured.")
     depends: float = _rule(0.15, "all", "2fcabec5",
         "Share of the missing torque, or shift, that an input must predict to be reported.")
-    channel_rounds: int = _rule(3, "all", "e38b9f33",
-        "Greatest number of searches of each channel, while others find effects that change its predictions.")
     # fmt: on
 
 
