@@ -32,6 +32,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -280,7 +281,7 @@ class Linear:
         return float(evidence), -0.5 * _squared(c, i, gram, slope, float(total)), c
 
     def additions(self, chosen: Sequence[int]) -> list[int]:
-        """Return up to `first_looked` entries that raise L if added to the chosen ones, by decreasing rise."""
+        """Return up to `looked` entries that raise L if added to the chosen ones, by decreasing rise."""
         matrix, slope = self.matrix, self.slope
         if len(chosen):
             i = self._rows(chosen)
@@ -294,8 +295,8 @@ class Linear:
             else:
                 block = matrix[np.ix_(j, j)]
                 rise[k] = 0.5 * (slope[j] @ np.linalg.solve(block, slope[j]) - np.linalg.slogdet(block)[1])
-        best = sorted(rise, key=lambda k: -rise[k])[: 4 * RULES.first_looked]
-        return [k for k in best if rise[k] > self.price and self.possible([*chosen, k])][: RULES.first_looked]
+        raising = sorted((k for k in rise if rise[k] > self.price), key=lambda k: -rise[k])
+        return [*islice((k for k in raising if self.possible([*chosen, k])), RULES.looked)]
 
     def possible(self, chosen: Sequence[int]) -> bool:
         """Return whether all sizes of a set lie within their bounds."""
@@ -310,21 +311,18 @@ class Linear:
     def search(self) -> tuple[list[int], list[str]]:
         """Search for the set of which no move raises L + H; also return the moves that led to it.
 
-        The held-out residual of a joint measures there the error of the laws' form. If it exceeds the variance assumed
-        so far, the search continues with the larger variance.
+        The held-out residual of a joint measures there the error of the laws' form. While it exceeds the variance
+        assumed so far, the search continues with the larger variance, until that changes nothing in the set.
         """
-        chosen: list[int] = []
-        path: list[str] = []
-        for _ in range(RULES.first_rounds):
-            chosen, moves = self.climb(chosen)
-            path += moves
+        chosen, path = self.climb([])
+        while True:
             c, i = self.score(chosen)[2], self._rows(chosen)
             squares = np.array([_squared(c, i, *joint) for joint in zip(*self.parts[1], strict=True)])
-            variance = np.maximum(self.variance, squares / np.maximum(self.sides[1].moves.sum(axis=0), 1))
-            if np.all(variance <= RULES.first_same * self.variance):
-                break
-            self.weigh(variance)
-        return chosen, path
+            self.weigh(np.maximum(self.variance, squares / np.maximum(self.sides[1].moves.sum(axis=0), 1)))
+            chosen, moves = self.climb(chosen)
+            if not moves:
+                return chosen, path
+            path += moves
 
     def climb(self, chosen: list[int]) -> tuple[list[int], list[str]]:
         """Add, remove or swap an effect, whichever raises L + H most, until no move raises it by `first_gain`.
@@ -332,7 +330,7 @@ class Linear:
         Return the set and the moves.
         """
         now, path = self.score(chosen), []
-        while len(chosen) < RULES.first_most:
+        while True:
             moves = []
             for k in self.additions(chosen):
                 new = self.score([*chosen, k])
@@ -350,11 +348,10 @@ class Linear:
                         moves.append((new[0] + new[1], label, [*kept, other]))
             best = max(moves, default=None, key=lambda m: m[0])
             if best is None or best[0] < now[0] + now[1] + RULES.first_gain:
-                break
+                return chosen, path
             chosen = best[2]
             now = self.score(chosen)
             path.append(best[1])
-        return chosen, path
 
     def proposal(self, chosen: Sequence[int], path: Sequence[str]) -> Proposal:
         """Return the proposal of a set of entries, with sizes refined by the exact, nonlinear laws."""

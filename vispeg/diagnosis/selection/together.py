@@ -70,7 +70,7 @@ def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: fl
     gains = dictionary.gains([*fixed, *chosen])
     gains[[k for k, e in enumerate(dictionary.entries) if not e.straight]] = 0.0
     candidates = []
-    for k in (int(k) for k in np.argsort(-gains)[: RULES.several_looked] if gains[k] > 0):
+    for k in (int(k) for k in np.argsort(-gains)[: RULES.looked] if gains[k] > 0):
         coefficients = dictionary.loss([*fixed, *chosen, k])[1]
         signature = dictionary.entries[k].signature
         if signature is None or signature.possible(coefficients[-len(dictionary.entries[k].columns) :].tolist()):
@@ -105,8 +105,9 @@ def prior(a: EffectInstance, b: EffectInstance) -> float:
 
 
 def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: float) -> float:
-    """Exchange chosen effects for better ones, modifying `chosen`; return the remaining error."""
-    for _ in range(RULES.several_rounds):
+    """Exchange chosen effects for better ones until none is, modifying `chosen`; return the remaining error."""
+    moved = True
+    while moved:
         moved = False
         for k in list(chosen):
             others = [c for c in chosen if c != k]
@@ -118,8 +119,6 @@ def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], erro
             worth = candidate[0] * min(1.0, prior(dictionary.entries[k].placed, other))
             if without - candidate[0] < RULES.several_better * error and worth > without - error:
                 chosen[chosen.index(k)], error, moved = candidate[1], without - candidate[0], True
-        if not moved:
-            break
     return error
 
 
