@@ -563,13 +563,9 @@ class Exchanged:
     rivals_screened: int = _rule(5, "joints", "2fcabec5",
         "Greatest number of rivals of an effect that the screen proposes.")
     rivals_linear: int = _rule(3, "joints", "9e47cadb",
-        "Greatest number of rivals of an effect that the linear model proposes.")
+        "Greatest number of rivals of an effect that the linear model proposes, to be fitted.")
     contact_rival: float = _rule(0.3, "contact", "e39a6576",
         "Share of the error that an effect removes, that a rival of it must remove in the screen.")
-    rival_far: float = _rule(3.0, "joints", "7757c625",
-        "Multiple of the error above noise that the model leaves, by which a rival may be worse before its fit stops.")
-    rival_room: float = _rule(0.1, "joints", "7757c625",
-        "Least error above noise, in noise variances, for `rival_far`.")
     # fmt: on
 
 
@@ -620,8 +616,6 @@ class Named:
         "Rise of the error by an effect's removal where another is in the model, as a share of the rise where it is "
         "not, below which the two are alike.",
         case="a wrong effect that fits one motion better than the true one and is worse on another")
-    name_rivals: int = _rule(6, "joints", "356154d4",
-        "Greatest number of rivals that are fitted to test a name.")
     name_class: int = _rule(3, "joints", "9e47cadb",
         "Proven rivals beyond which an effect is tentative.",
         reason="a name of many possible ones says nothing")

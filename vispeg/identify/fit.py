@@ -95,8 +95,12 @@ class Race:
         """Raise StopIteration, which ends the fit, if at iteration `lap` it is far behind the best one."""
         self.reached.append(mean_square)
         best = min(self.best, mean_square)
-        if lap >= self.laps and mean_square - 1.0 > self.ratio * max(best - 1.0, 0.1):
+        if lap >= self.laps and mean_square > self.far_behind(best):
             raise StopIteration
+
+    def far_behind(self, best: float) -> float:
+        """Return the mean squared residual from which a fit is far behind one that reached `best`."""
+        return 1.0 + self.ratio * max(best - 1.0, 0.1)
 
 
 class Chase(Race):

@@ -22,7 +22,7 @@ from vispeg.diagnosis.selection.prune import prune
 from vispeg.diagnosis.selection.searching import Searching
 from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.selection.together import prior
-from vispeg.identify.fit import Fit
+from vispeg.identify.fit import Fit, Race
 from vispeg.worlds.places import ALL
 
 AT_ONCE = 2**30  # bytes of derivatives that concurrent fits may hold
@@ -99,13 +99,12 @@ def _tried(search: Searching, state: State, placed: EffectInstance, count: int) 
 def _goal(search: Searching, state: State) -> float | None:
     """Return the mean squared residual that a rival's fit must be able to reach, else it stops early.
 
-    It is near that of the accepted effect. None, for no early stop, if nothing is fitted, or if the model's form leaves
-    correlated errors, because a rival may then be an equal and leave more.
+    Beyond it, it would be far behind that of the accepted effect. None, for no early stop, if nothing is fitted, or if
+    the model's form leaves correlated errors, because a rival may then be an equal and leave more.
     """
     if state.fit is None or search.evidence.alike > 0:
         return None
-    remains = search.evidence.chi2(state.residual)
-    return remains + RULES.rival_far * max(remains - 1.0, RULES.rival_room)
+    return Race().far_behind(search.evidence.chi2(state.residual))
 
 
 def _proposed(search: Searching, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
@@ -132,7 +131,7 @@ def _proposed(search: Searching, state: State, n_fixed: int, say: Callable[[str]
         for e, without in zip(part, reduced, strict=True):
             proposed = [Score(r, 0.0) for r in asked.get(e.label, ())]
             screened, tested = search.instead(without, e) if e.where in beyond else ([], 0)
-            scores = {s.key: s for s in (*screened, *proposed[: RULES.rivals_linear])}
+            scores = {s.key: s for s in (*screened, *proposed)}
             tries.append((without, list(scores.values()), max(tested, len(proposed))))
         found = search.try_each(tries, n_fixed, _goal(search, state))
         for e, without, trials in zip(part, reduced, found, strict=True):
