@@ -512,13 +512,12 @@ class Accepted:
     refinement: float = _rule(0.03, "joints", "54ffd752",
         "Share of the error that an effect removed, that one of the same kind beside it must remove.",
         reason="no model of friction is exact")
-    clear: float = _rule(0.8, "joints", "3fbb93d7",
-        "Removed share of the held-out error from which an effect is no mere refinement of one of the same kind.")
     clear_of_angle: float = _rule(0.2, "joints", "82e9c37c",
         "The same of a torque that depends on the angle alone.",
         reason="no error of form of friction leaves such a torque")
     alone: float = _rule(0.8, "all", "954b27c7",
-        "Removed share of the held-out error from which one effect is taken before several.",
+        "Removed share of the held-out error from which one effect is taken before several, and is no mere refinement "
+        "of one of the same kind.",
         case="the demo's arm: several at a time named effects that were not there",
         tried="off, no change on coulomb_friction/joint4/small of seed 4711 (b8ca1027)")
     tie: float = _rule(0.03, "all", "2fcabec5",
@@ -638,8 +637,6 @@ class Named:
         case="intervals without a width")
     interval_bent: float = _rule(1.2, "contact", "4cfd3ec2",
         "Ratio of a value's variances, others free over others fixed, up to which one profile is enough.")
-    left_least: float = _rule(0.01, "joints", "81a0e25b",
-        "Least remaining error of a joint, in noise variances.")
     parts: int = _rule(4, "joints", "858007e9",
         "Parts of time or range over which an effect must be constant.")
     parts_remove: float = _rule(0.3, "joints", "858007e9",

@@ -47,7 +47,7 @@ def refusal(search: Testing, state: State, t: Trial, level: float, absent: bool)
     refines = t.gain.mean / state.removed_by(beside) if beside is not None else 1.0
     # no error in a law of friction leaves a torque that depends on the angle alone
     of_angle = effect(t.score.placed.effect).conservative and not any(effect(e.effect).conservative for e in same)
-    clear = RULES.clear_of_angle if of_angle else RULES.clear
+    clear = RULES.clear_of_angle if of_angle else RULES.alone
     if beside is not None and refines < RULES.refinement and t.gain.relative < clear:
         return f"only refines {beside.label} at the same place ({100 * refines:.2g} % of what that removed)"
     if share < search.least_share:

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.constancy import Change, changes
 from vispeg.diagnosis.evidence.dictionary import Dictionary
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, missing_torque
@@ -212,11 +211,14 @@ class Proposals:
 
 
 def excess(judge: Judge, world: World, residual: np.ndarray) -> dict[str, float]:
-    """Return the squared whitened residual above noise in each joint, and in all under ""; at least a small share."""
+    """Return the squared whitened residual above noise in each joint, and in all under "".
+
+    It is at least its scatter by chance: the squares of n readings of unit noise have a standard deviation of sqrt(2n).
+    """
     total, count = judge.loss(residual).sum(axis=0), judge.size.sum(axis=0)
     floor, joints = judge.floor(world), judge.evidence.items[0].robot.joints
     over = {joint: (total[j], count[j]) for j, joint in enumerate(joints)} | {"": (total.sum(), count.sum())}
-    return {where: float(max(a - floor * n, RULES.left_least * n, 1.0)) for where, (a, n) in over.items()}
+    return {where: float(max(a - floor * n, np.sqrt(2.0 * n), 1.0)) for where, (a, n) in over.items()}
 
 
 def _stored(score: Score) -> list:
