@@ -52,6 +52,15 @@ def test_the_right_model_of_an_open_loop_stands_at_the_noise_floor():
     assert torque_if_saturated(evidence.recordings[0], ROBOT) is evidence.recordings[0]
 
 
+def test_a_drive_whose_limit_the_motion_passes_at_times_is_saturated_too():
+    """Its torque varies by a quarter of its mean; in a closed loop the right model would be 3000 variances away."""
+    world, rec = run(18.0)
+    assert list(np.flatnonzero(saturated(rec, ROBOT))) == [3]
+    evidence = Evidence([rec])
+    (residual,) = evidence.residuals([world])
+    assert np.sum(residual**2) / evidence.count < 100.0
+
+
 def test_an_episode_asks_for_the_torques_that_it_asks_for_alone():
     """The clock runs on, and between the episodes the arm was moved by 0.9 rad: no speed of the loop."""
     _, a = run(14.0)

@@ -33,8 +33,8 @@ def torque_if_saturated(rec: Recording, robot: RobotModel) -> Recording:
 def saturated(rec: Recording, robot: RobotModel) -> np.ndarray:
     """Return the joints whose drive is saturated most of the time, (nj,) bool.
 
-    In such a joint the loop mostly asks for far more than the motion needs, and what it needs then is nearly constant:
-    the limit of the drive.
+    In such a joint the loop mostly asks for far more than the motion needs, and then the drive gives its limit, which
+    way it is asked: on average, the torque that the motion takes that way is more than its scatter.
     """
     parts = [_torques(rec, robot, s) for s in segments(rec)]
     if not parts:
@@ -46,7 +46,7 @@ def saturated(rec: Recording, robot: RobotModel) -> np.ndarray:
     mean = along.sum(axis=0) / count
     spread = np.sqrt(np.where(beyond, (along - mean) ** 2, 0.0).sum(axis=0) / count)
     most = 2 * beyond.sum(axis=0) > len(beyond)
-    return most & (spread < RULES.saturated_flat * mean)
+    return most & (spread < mean)
 
 
 def _torques(rec: Recording, robot: RobotModel, s: Segment) -> tuple[np.ndarray, np.ndarray]:
