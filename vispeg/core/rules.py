@@ -89,8 +89,8 @@ class Compared:
         reason="errors grow before they show")
     saturated_beyond: float = _rule(1.5, "joints", "fb73cacf",
         "Multiple of the greatest torque that the motion needed, beyond which a command counts as not delivered.",
-        reason="saturated drives were asked for 3.2 times and more, most of the time (7 limits of two joints); with an even "
-        "torque but no limit, by a payload, joints asked for 1.45 at most (75 recordings)")
+        reason="saturated drives were asked for 3.2 times and more, most of the time (7 limits of two joints); with an "
+        "even torque but no limit, by a payload, joints asked for 1.45 at most (75 recordings)")
     beyond_stop: float = _rule(0.05, "joints", "fb73cacf",
         "Angle (rad) beyond a stated stop from which the stop is left out of the model.",
         reason="no encoder's offset and no stop's give is more")
@@ -373,8 +373,8 @@ class Proposed:
     looked: int = _rule(8, "joints", "9e47cadb",
         "Best candidates of a linear model on the fitted recordings whose error on others is computed, at each move.",
         reason="errors on others choose among few: among many, chance does",
-        case="a vibration, which no effect is: with all that raise the evidence, 45 moves of the first proposal, with 8 "
-        "none; at a torque limit 1.4 times the error",
+        case="a vibration, which no effect is: with all that raise the evidence, 45 moves of the first proposal, with "
+        "8 none; at a torque limit 1.4 times the error",
         tried="12, 8 and 3 in place of 6 in the first proposal: the same effects of 1 % or more in 33, 34 and 34 of 35 "
         "cases of seed 4711 (e6f7533f)")
     suspect: float = _rule(0.02, "joints", "2fcabec5",
