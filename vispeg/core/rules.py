@@ -121,8 +121,6 @@ class Compared:
     grid_step: float = _rule(4.0, "joints", "8a3542a9",
         "Least step of an encoder, in noises, that is inferred from its readings.",
         reason="an estimated noise is never less than step / sqrt(12)")
-    grid_readings: int = _rule(6, "joints", "8f055d1b",
-        "Number of different readings below which a joint shows no step.")
     grid_off: float = _rule(0.05, "joints", "8f055d1b",
         "Share of a step by which a reading may lie off the grid.")
     noise_quantile: float = _rule(0.9, "joints", "f10230da",

@@ -14,7 +14,7 @@ import numpy as np
 from vispeg.core.effect import REGISTRY, EffectInstance
 from vispeg.core.params import Value
 from vispeg.core.rules import RULES
-from vispeg.recordings.checks.quality import quantization
+from vispeg.recordings.checks.quality import FEWEST, quantization
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.places import ALL
@@ -60,8 +60,8 @@ def gridded(world: World, recordings: Sequence[Recording]) -> tuple[EffectInstan
 
 
 def moves(values: np.ndarray) -> bool:
-    """Return whether readings (n,) have enough different values to show a grid."""
-    return len(np.unique(values[np.isfinite(values)])) >= RULES.grid_readings
+    """Return whether readings (n,) have enough different values to show a step (`quantization`)."""
+    return len(np.unique(values[np.isfinite(values)])) > FEWEST
 
 
 def common_step(recordings: Sequence[Recording], joint: int) -> float:

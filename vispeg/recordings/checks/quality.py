@@ -11,6 +11,7 @@ import numpy as np
 PLATEAU_S = 0.01  # s: an extreme that is held exactly for longer is clipping, not a smooth peak
 AT_LIMIT = 0.99  # share of a known limit from which a torque may be clipped
 MIN_PLATEAU = 5  # samples
+FEWEST = 5  # differences of readings from which a step shows
 NOISE_OF_TEXT = 1e-8  # step relative to the largest value: coarser steps are the sensor's, finer ones text rounding
 
 
@@ -106,13 +107,13 @@ def quantization(values: np.ndarray) -> float | None:
     levels = np.unique(finite)
     gaps = np.diff(levels)
     gaps = gaps[gaps > NOISE_OF_TEXT * size]
-    if len(gaps) < 5 or len(gaps) < 0.5 * (len(levels) - 1):
+    if len(gaps) < FEWEST or len(gaps) < 0.5 * (len(levels) - 1):
         return None
     smallest = float(np.quantile(gaps, 0.01))
     for divisor in (1, 2, 3):
         step = smallest / divisor
         near = gaps[gaps < 20 * step]
-        if len(near) < 5:
+        if len(near) < FEWEST:
             continue
         multiples = np.round(near / step)
         if np.sqrt(np.mean((near / step - multiples) ** 2)) < 0.03:  # 0.29 for values without a step
