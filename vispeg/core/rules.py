@@ -574,8 +574,6 @@ class Exchanged:
         "Effects up to which the whole library is screened for rivals of each.")
     rivals_screened: int = _rule(5, "joints", "2fcabec5",
         "Greatest number of rivals of an effect that the screen proposes.")
-    rivals_linear: int = _rule(3, "joints", "9e47cadb",
-        "Greatest number of rivals of an effect that the linear model proposes, to be fitted.")
     contact_rival: float = _rule(0.3, "contact", "e39a6576",
         "Share of the error that an effect removes, that a rival of it must remove in the screen.")
     # fmt: on
@@ -630,7 +628,8 @@ class Named:
         "not, below which the two are alike.",
         case="a wrong effect that fits one motion better than the true one and is worse on another")
     name_class: int = _rule(3, "joints", "9e47cadb",
-        "Proven rivals beyond which an effect is tentative.",
+        "Proven rivals beyond which an effect is tentative; and greatest number of its rivals that the linear model "
+        "proposes, to be fitted.",
         reason="a name of many possible ones says nothing")
     law: float = _rule(2.0, "contact", "5f5e4870",
         "Multiple of the nominal stiffness or damping of a contact up to which an error of form explains it.")

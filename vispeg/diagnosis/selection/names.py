@@ -145,7 +145,7 @@ def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: in
     better = [c for c in alike if both([*others, c])[1] < error_held]
     order = sorted({*close, *better, *shaken}, key=lambda c: -instead[c])
     rivals = list({entries[c].key: c for c in reversed(order)}.values())[::-1]  # the best of one candidate's guesses
-    placed = tuple(fitted.dictionary.placed([*others, c])[-1] for c in rivals[: RULES.rivals_linear])
+    placed = tuple(fitted.dictionary.placed([*others, c])[-1] for c in rivals[: RULES.name_class])
     labels = dict.fromkeys(entries[c].placed.label for c in shaken)
     return Exchange(entries[k].placed.label, float(share), tuple(labels), placed)
 
