@@ -191,3 +191,47 @@ def test_missing_readings_of_a_slide_and_a_press_are_bridged(tmp_path):
     paths = [write(rec, tmp_path / name) for name, rec in (("press", pushed()), ("gaps", gapped(pushed(), 3)))]
     press, gaps = (presses([path], [path]).columns["depth"] for path in paths)
     assert gaps == pytest.approx(press, abs=1e-5) and press.max() > 5e-3
+
+
+def after(first, second):
+    """Two recordings of one robot as the episodes of one file; time restarts in the second."""
+    rows = {key: np.concatenate([getattr(r, key) for r in (first, second)]) for key in ("time", "q", "ft")}
+    return replace(first, episode=np.repeat([0, 1], [len(first.time), len(second.time)]), **rows)
+
+
+def drifted(rec):
+    """The same motion from another place, after the sensor's zero has drifted by 3 N."""
+    return replace(rec, q=rec.q + 0.2 * np.eye(7)[0], ft=rec.ft + [0.5, -0.5, 3.0, 0.0, 0.0, 0.0])
+
+
+def test_episodes_measure_what_recordings_of_their_own_do(tmp_path):
+    """Each episode of slides and presses has its own beginning in free air, depth of 0 and ramps."""
+    for make, of in ((rubbed, slides), (pushed, lambda paths: presses(paths, paths))):
+        alone = [
+            of([write(rec, tmp_path / f"{make.__name__}-{k}")]).columns
+            for k, rec in enumerate((make(), drifted(make())))
+        ]
+        both = of([write(after(make(), drifted(make())), tmp_path / f"{make.__name__}-both")]).columns
+        for name in set(both) - {"ramp", "on"}:
+            parts = [values[name] for values in alone]
+            assert np.sort(both[name]) == pytest.approx(np.sort(np.concatenate(parts)), abs=1e-9), name
+    assert set(both["ramp"]) == {0, 1, 2, 3}
+
+
+def test_a_rest_does_not_go_on_from_one_episode_to_the_next(tmp_path):
+    """Of four episodes, the arm rests for 0.3 s in each of the two that a rest of 0.6 s would join."""
+    rec = carried()
+    rows = np.r_[0:100, 400:430, 800:830, 1200:1300]
+    number = np.repeat([0, 1, 2, 3], [100, 30, 30, 100])
+    cut = replace(rec, time=rec.time[rows], q=rec.q[rows], ft=rec.ft[rows], episode=number)
+    cut.q[100:160] = cut.q[100]
+    assert len(at_rest([write(cut, tmp_path / "r")])) == 2
+
+
+def test_a_wrench_that_begins_late_is_not_read_before(tmp_path):
+    """A rest without a wrench weighs nothing; a slide whose first second was not measured has no zero."""
+    rest, rub = carried(), rubbed()
+    rest.ft[:110], rub.ft[:110] = np.nan, np.nan
+    assert found(rest, tmp_path)[:2] == (TRUTH, POSTURES - 1)
+    with pytest.raises(UserError, match="does not begin with 1 s in free air"):
+        slides([write(rub, tmp_path / "slide")])

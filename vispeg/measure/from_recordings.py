@@ -1,11 +1,13 @@
 """Extract readings from recordings with a wrench: poses at rest, strokes of a slide, ramps of a press.
 
-A slide or a press begins with a second in free air, whose mean wrench is the sensor's bias.
+A slide or a press begins with a second in free air, whose mean wrench is the sensor's bias. Episodes of one recording
+are further rests, slides or presses, each with a bias and a beginning of its own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -43,17 +45,17 @@ def at_rest(paths: Sequence[Path]) -> Readings:
     """
     wrench, down = [], []
     for path in paths:
-        rec, read, _, turn = _opened(path)
+        rec, parts = _opened(path)
         if rec.wrench is not None and rec.wrench.tared == "weight":
             what, expected = "the robot has subtracted the tool's weight", "readings that contain it: false or true"
             raise UserError(what, file=path / "recording.yaml", key="wrench.tared", expected=expected, got="weight")
-        length = max(2, round(REST * _rate(rec)))
-        rests = _rests(bridged(rec.time, rec.q, rec.episode), length)
-        if not rests:
+        length, before = max(2, round(REST * _rate(rec))), len(wrench)
+        for part in parts:
+            for rows in _rests(bridged(part.time, part.q), length):
+                wrench.append(reaction(part.wrench[rows].mean(axis=0)))
+                down.append(part.turn[(rows.start + rows.stop) // 2].inv().apply(tilted(DOWN, *rec.base_tilt)))
+        if len(wrench) == before:
             raise UserError(f"never rests for {REST:g} s", file=path, expected="an attitude that is held")
-        for rows in rests:
-            wrench.append(reaction(np.nanmean(read[rows], axis=0)))
-            down.append(turn[(rows.start + rows.stop) // 2].inv().apply(tilted(DOWN, *rec.base_tilt)))
     names = ("fx", "fy", "fz", "tx", "ty", "tz", "gx", "gy", "gz")
     return Readings(paths[0], dict(zip(names, np.hstack([wrench, down]).T, strict=True)))
 
@@ -86,20 +88,22 @@ def slides(paths: Sequence[Path]) -> Readings:
     """
     rows: list[tuple[float, float, float]] = []
     for at, path in enumerate(paths):
-        rec, read, position, turn = _opened(path)
-        force, moved = _unbiased(rec.time, read, path), np.gradient(position, rec.time, axis=0)
-        across = turn.inv().apply(moved)[:, :2]  # velocity along z is pressing, not sliding
-        width = max(1, round(SMOOTH * _rate(rec)))
-        smooth = np.stack([np.convolve(v, np.ones(width) / width, "same") for v in across.T], axis=1)
-        sliding = (np.linalg.norm(smooth, axis=1) > SPEED) & (np.abs(force[:, 2]) > TOUCH)
-        strokes = [s for s in (slice(*run) for run in runs(sliding)) if rec.time[s][-1] - rec.time[s][0] >= STROKE]
-        if not strokes:
+        rec, parts = _opened(path)
+        width, before = max(1, round(SMOOTH * _rate(rec))), len(rows)
+        for part in parts:
+            force = _unbiased(part, path)
+            moved = np.gradient(part.position, part.time, axis=0)
+            across = part.turn.inv().apply(moved)[:, :2]  # velocity along z is pressing, not sliding
+            smooth = np.stack([np.convolve(v, np.ones(width) / width, "same") for v in across.T], axis=1)
+            sliding = (np.linalg.norm(smooth, axis=1) > SPEED) & (np.abs(force[:, 2]) > TOUCH)
+            for s in (slice(*run) for run in runs(sliding)):
+                if part.time[s][-1] - part.time[s][0] >= STROKE:
+                    normal, tangential = np.abs(force[s, 2]), np.hypot(force[s, 0], force[s, 1])
+                    load = float(np.median(normal))  # a median, as the ratio dips at reversals
+                    rows.append((load, load * float(np.median(tangential / normal)), float(at)))
+        if len(rows) == before:
             what = f"nothing slides: no {STROKE:g} s above {SPEED:g} m/s and {TOUCH:g} N"
             raise UserError(what, file=path)
-        for s in strokes:
-            normal, tangential = np.abs(force[s, 2]), np.hypot(force[s, 0], force[s, 1])
-            load = float(np.median(normal))  # a median, as the ratio dips at reversals
-            rows.append((load, load * float(np.median(tangential / normal)), float(at)))
     table = np.array(rows)
     columns = {"normal": table[:, 0], "tangential": table[:, 1]}
     if len(paths) > 1:
@@ -120,43 +124,79 @@ def presses(stop: Sequence[Path], fixture: Sequence[Path]) -> Readings:
     if len(stop) != len(fixture) or not stop:
         expected = "as many of --stop as of --fixture, in the same order of arm poses"
         raise UserError("presses without their counterpart", expected=expected, got=f"{len(stop)} and {len(fixture)}")
-    parts = []
+    tables = []
     for on, paths in enumerate((stop, fixture)):
         for pose, path in enumerate(paths):
-            rec, read, position, turn = _opened(path)
-            force = np.abs(_unbiased(rec.time, read, path)[:, 2])
-            depth = np.abs(turn[0].inv().apply(position - position[0])[:, 2])
-            touching = np.flatnonzero(force > TOUCH)
-            if not len(touching):
+            touched = False
+            for press, part in enumerate(_opened(path)[1]):
+                force = np.abs(_unbiased(part, path)[:, 2])
+                depth = np.abs(part.turn[0].inv().apply(part.position - part.position[0])[:, 2])
+                touching = np.flatnonzero(force > TOUCH)
+                touched |= len(touching) > 0
+                top = int(np.argmax(force))
+                for way, rows in enumerate((touching[touching <= top], touching[touching > top])):
+                    if len(rows) > 2:
+                        ramp = np.tile([on, pose, 2 * press + way], (len(rows), 1))
+                        tables.append(np.column_stack([force[rows], depth[rows], ramp]))
+            if not touched:
                 raise UserError(f"never touches with more than {TOUCH:g} N", file=path)
-            top = int(np.argmax(force))
-            for ramp, rows in enumerate((touching[touching <= top], touching[touching > top])):
-                if len(rows) > 2:
-                    same = np.ones(len(rows))
-                    parts.append(np.column_stack([force[rows], depth[rows], on * same, pose * same, ramp * same]))
-    table = np.concatenate(parts)
+    table = np.concatenate(tables)
     names = ("force", "depth", "on", "pose", "ramp")
     return Readings(stop[0], dict(zip(names, table.T, strict=True)), {"force": 0.0, "depth": 0.0})
 
 
-def _opened(path: Path) -> tuple[Recording, np.ndarray, np.ndarray, Rotation]:
-    """Load a recording; also return its wrench (n, 6), and the flange's positions (n, 3) m and n rotations in the base.
+@dataclass(frozen=True)
+class _Part:
+    """One episode of a recording; rows without a pose or without a wrench are left out.
 
-    The wrench is that of the flange on the tool, about the flange's origin, flange axes. The pose is measured, rows
-    without it are left out. If `ee` was not recorded, it is from the robot's kinematics and angles without gaps.
+    Attributes:
+        number: the episode; None for a recording without episodes.
+        time: (n,) s.
+        q: (n, nj) rad, NaN where missing.
+        wrench: (n, 6) N, N m of the flange on the tool, about the flange's origin, flange axes.
+        position, turn: the flange's positions (n, 3) m and n rotations in the base.
+    """
+
+    number: int | None
+    time: np.ndarray
+    q: np.ndarray
+    wrench: np.ndarray
+    position: np.ndarray
+    turn: Rotation
+
+
+def _opened(path: Path) -> tuple[Recording, list[_Part]]:
+    """Load a recording with a wrench, and split it into its episodes of two samples or more.
+
+    The pose is measured; if `ee` was not recorded, it is from the robot's kinematics and angles without gaps.
     """
     rec = load(path)
     check_units(rec)
     if rec.ft is None:
         raise UserError("has no wrench", file=path, expected="columns ft.fx ... ft.tz")
-    ft = rec.ft
-    if rec.ee is not None and (known := np.isfinite(rec.ee).all(axis=1)).any():
-        rec, ft, pose = rec.some(known), ft[known], rec.ee[known]
-    else:
+    ft, pose = rec.ft, rec.ee
+    if pose is None or not np.isfinite(pose).all(axis=1).any():
         rec, robot = with_robot(rec)
         pose = flange_pose(robot, bridged(rec.time, rec.q, rec.episode))
+    known = np.isfinite(ft).all(axis=1) & np.isfinite(pose).all(axis=1)
+    if not known.any():
+        raise UserError("no sample has both a wrench and a pose", file=path)
+    rec, ft, pose = rec.some(known), ft[known], pose[known]
     turn = Rotation.from_quat(pose[:, 3:], scalar_first=True)
-    return rec, canonical(ft, rec.wrench or WrenchSensor(), turn.as_matrix()), pose[:, :3], turn
+    wrench = canonical(ft, rec.wrench or WrenchSensor(), turn.as_matrix())
+    parts = [
+        _Part(
+            None if rec.episode is None else int(rec.episode[rows[0]]),
+            rec.time[rows],
+            rec.q[rows],
+            wrench[rows],
+            pose[rows, :3],
+            turn[rows],
+        )
+        for rows in episodes(rec.time, rec.episode)
+        if len(rows) > 1
+    ]
+    return rec, parts
 
 
 def _rate(rec: Recording) -> float:
@@ -164,13 +204,14 @@ def _rate(rec: Recording) -> float:
     return usual_rate(rec.time, episodes(rec.time, rec.episode))
 
 
-def _unbiased(time: np.ndarray, wrench: np.ndarray, path: Path) -> np.ndarray:
+def _unbiased(part: _Part, path: Path) -> np.ndarray:
     """Return the force (n, 3) N minus its mean in the first second, which must be in free air."""
-    free = time - time[0] < FREE
-    force = wrench[:, :3]
-    if np.nanstd(force[free], axis=0).max() > TOUCH:
-        raise UserError(f"does not begin with {FREE:g} s in free air", file=path)
-    return np.nan_to_num(bridged(time, force - np.nanmean(force[free], axis=0)))
+    free = part.time - part.time[0] < FREE
+    force = part.wrench[:, :3]
+    if np.std(force[free], axis=0).max() > TOUCH:
+        key = None if part.number is None else f"episode {part.number}"
+        raise UserError(f"does not begin with {FREE:g} s in free air", file=path, key=key)
+    return force - force[free].mean(axis=0)
 
 
 def _rests(q: np.ndarray, length: int) -> list[slice]:
