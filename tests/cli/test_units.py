@@ -95,3 +95,30 @@ def test_a_limit_that_is_none_makes_no_unit_wrong():
     assert doubts(rec, limits, needs=weigh) == []
     (doubt,) = doubts(replace(rec, tau=1e3 * weigh(q)), limits, needs=weigh)
     assert doubt.sure and "mNm" in doubt.likely
+
+
+def driven(speeds):
+    """A recording at 100 Hz of seven joints that swing, and its measured speeds times `speeds`; one without stands."""
+    time = np.arange(400)[:, None] / 100
+    moves = np.array([factor is not None for factor in speeds])
+    phase = time * np.linspace(1.0, 3.0, 7)
+    dq = moves * np.cos(phase) * np.linspace(1.0, 3.0, 7) * [factor or 0.0 for factor in speeds]
+    joints = tuple(f"joint{j + 1}" for j in range(7))
+    return Recording(Path("r"), "iiwa14", joints, 100.0, Control(), time[:, 0], moves * np.sin(phase), dq)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "said"),
+    [
+        ([2.5] * 7, ["dq.joint1 ... dq.joint7", "are 2.5 times", "likely 250 samples a second"]),
+        ([2.5] * 5 + [None] * 2, ["dq.joint4, dq.joint5:", "are 2.5 times", "likely 250 samples a second"]),
+        ([2.5] * 5 + [1.0, None], ["dq.joint4, dq.joint5:", "are 2.5 times", "the sensor's scale"]),
+        ([2.5, *[None] * 6], ["dq.joint1:", "are 2.5 times", "the sensor's scale"]),
+        ([2.5, 5.0, *[4.0] * 5], ["dq.joint1 ... dq.joint7", "are 2.5 to 5 times", "the sensor's scale"]),
+    ],
+    ids=["all move", "two stand", "one is right", "one moves", "of different gears"],
+)
+def test_a_factor_of_the_time_is_that_of_every_joint_that_moves(speeds, said):
+    unknown = np.full(7, np.inf)
+    line = doubts(driven(speeds), Limits(np.stack([-unknown, unknown], 1), unknown, unknown))[0].line
+    assert all(word in line for word in said), line

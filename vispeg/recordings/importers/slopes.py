@@ -72,22 +72,32 @@ def against_speeds(rec: Recording, inside: np.ndarray, period: float) -> list[Do
     if rec.dq is None:
         return []
     step, lag = np.where(inside, np.diff(rec.time), np.nan), max(1, round(SPAN / period))
-    groups: dict[str, list[tuple[int, float]]] = {}
-    for j in range(rec.q.shape[1]):
-        ratio = _ratio(rec.q[:, j], rec.dq[:, j], step, lag)
-        if ratio is not None and not 1 / MOST_FACTOR < ratio < MOST_FACTOR:
-            likely = next((said for factor, said in CORRECTIONS if 0.8 < ratio / factor < 1.25), "")
-            groups.setdefault(likely, []).append((j, ratio))
-    return [_doubt(rec, likely, wrong) for likely, wrong in groups.items()]
+    ratios = [_ratio(rec.q[:, j], rec.dq[:, j], step, lag) for j in range(rec.q.shape[1])]
+    known = {j: ratio for j, ratio in enumerate(ratios) if ratio is not None}  # a joint at rest has none
+    groups: dict[str, dict[int, float]] = {}
+    for j, ratio in known.items():
+        if not 1 / MOST_FACTOR < ratio < MOST_FACTOR:
+            likely = next((said for factor, said in CORRECTIONS if _alike(ratio, factor)), "")
+            groups.setdefault(likely, {})[j] = ratio
+    return [_doubt(rec, likely, wrong, len(known)) for likely, wrong in groups.items()]
 
 
-def _doubt(rec: Recording, likely: str, wrong: list[tuple[int, float]]) -> Doubt:
-    names, ratio = columns_of("dq", rec.joints), float(np.median([ratio for _, ratio in wrong]))
+def _alike(ratio: float, other: float) -> bool:
+    return 0.8 < ratio / other < 1.25
+
+
+def _doubt(rec: Recording, likely: str, wrong: dict[int, float], known: int) -> Doubt:
+    """State what is wrong with the speeds of the joints `wrong` (index -> ratio), of `known` joints with a ratio."""
+    names, each = columns_of("dq", rec.joints), sorted(wrong.values())
+    ratio = float(np.median(each))
+    same = all(_alike(one, ratio) for one in each)
     every = len(wrong) == len(names)
-    columns = f"{names[0]} ... {names[-1]}" if every and len(names) > 1 else ", ".join(names[j] for j, _ in wrong)
-    said = f"measured speeds are {ratio:.3g} times the change of the angles"
-    # a factor of no known unit in every joint is one of the time they share
-    clock = f"{ratio * rec.rate_hz:.4g} samples a second" if every and not likely else ""
+    columns = f"{names[0]} ... {names[-1]}" if every and len(names) > 1 else ", ".join(names[j] for j in wrong)
+    said = f"{ratio:.3g}" if same else f"{each[0]:.3g} to {each[-1]:.3g}"
+    # a factor of no known unit that all moving joints share is one of the time; a joint alone cannot tell
+    shared = same and len(wrong) == known and (every or known > 1)
+    clock = f"{ratio * rec.rate_hz:.4g} samples a second" if shared and not likely else ""
+    said = f"measured speeds are {said} times the change of the angles"
     return Doubt(columns, said, likely or clock, sure=bool(likely), scale=not (likely or clock))
 
 
