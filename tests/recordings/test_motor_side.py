@@ -235,6 +235,7 @@ def test_two_gears_in_one_arm_are_told_apart(tmp_path, arm):
 
 RPM = 30 / np.pi
 SPLIT = {"sec": np.floor(TIME), "nsec": np.round(1e9 * (TIME % 1.0))}
+KUKA = {"ZeitSec": SPLIT["sec"], "ZeitNanoSec": SPLIT["nsec"]}
 
 
 @pytest.mark.parametrize(
@@ -244,8 +245,9 @@ SPLIT = {"sec": np.floor(TIME), "nsec": np.round(1e9 * (TIME % 1.0))}
         ({"time": TIME}, ("deg", np.degrees(1)), ("rad/s", 1.0), 8.0),
         ({"time": TIME}, ("rad", 1.0), ("rpm", RPM), 1.0),
         (SPLIT, ("rad", 1.0), ("rad/s", 1.0), 1.0),
+        (KUKA, ("rad", 1.0), ("rad/s", 1.0), 1.0),
     ],
-    ids=["motor deg, rpm", "motor deg, rad/s", "joint rpm", "joint, split time"],
+    ids=["motor deg, rpm", "motor deg, rad/s", "joint rpm", "joint, split time", "time split as by KUKA"],
 )
 def test_a_speed_is_told_to_be_the_motors_or_the_joints_in_any_unit(clock, angle, speed, gear, tmp_path, arm):
     """Angles of motors with a gear of eight; speeds of the motors or of the joints."""
@@ -255,3 +257,4 @@ def test_a_speed_is_told_to_be_the_motors_or_the_joints_in_any_unit(clock, angle
     rec, _ = taken(file, arm, tmp_path / "rig", torque_sensor="motor")
     np.testing.assert_allclose(rec.q, Q, atol=1e-5)
     np.testing.assert_allclose(rec.dq, DQ, atol=1e-5)
+    np.testing.assert_allclose(rec.time, TIME, atol=1e-9)

@@ -536,19 +536,22 @@ def _rate(stacks: Mapping[str, np.ndarray], units: Mapping[str, tuple[str, str]]
 
 
 def _pair(table: Table, meanings: list[Meaning]) -> tuple[str, str] | None:
-    """Return the seconds and nanoseconds columns of a split time stamp (ROS and DROID write it); None without one."""
-    for m in meanings:
-        words = split(m.name)
-        if m.name not in table.columns or not words or words[-1] not in NANOS:
-            continue
-        for other in meanings:
-            theirs = split(other.name)
-            if theirs[:-1] == words[:-1] and theirs[-1] in SECONDS and other.name in table.columns:
-                nanos, whole = table.columns[m.name], table.columns[other.name]
+    """Return the seconds and nanoseconds columns of a split time stamp (as of ROS or KUKA); None without one."""
+    names = [m.name for m in meanings if m.name in table.columns]
+    for fine in names:
+        for coarse in names if (of := _before(fine, NANOS)) is not None else ():
+            if _before(coarse, SECONDS) == of:
+                nanos, whole = table.columns[fine], table.columns[coarse]
                 total = whole + 1e-9 * nanos
                 if values.all_integers(whole) and 0 <= values.span(nanos)[0] and values.increases(total):
-                    return other.name, m.name
+                    return coarse, fine
     return None
+
+
+def _before(name: str, units: Sequence[str]) -> list[str] | None:
+    """Return the words before a unit at a name's end, which may be two words (NanoSec); None without such a unit."""
+    words = split(name)
+    return next((words[:-n] for n in (1, 2) if "".join(words[-n:]) in units), None)
 
 
 def _speeds(columns: list[Meaning]) -> tuple[str, ...]:
