@@ -11,8 +11,12 @@ from vispeg.core.errors import UserError
 from vispeg.core.params import Param
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
+from vispeg.identify.excitation import motion
 from vispeg.identify.fit import fit_job
 from vispeg.identify.pool import run_together
+from vispeg.identify.record import centre_of, controller, record
+from vispeg.recordings.noise import NOISE
+from vispeg.recordings.windows import taken
 from vispeg.robots.model import load
 from vispeg.worlds.model_file import load_model, model_text
 from vispeg.worlds.world import World
@@ -73,3 +77,30 @@ def test_unknown_names_list_the_choices():
             World().add(EffectInstance.of("coulomb_friction", "joint9", torque=1.0)),
             iiwa_segment("position", 0.2),
         )
+
+
+def test_an_effect_of_time_follows_the_clock_of_the_recording():
+    """A torque that grows with `x.t` is zero when the recording begins, and a window cut from it goes on from there."""
+
+    class Creep(Effect):
+        """Torque that grows in time."""
+
+        name = "creep"
+        family = "joint"
+        params = {"slope": Param(0.0, -2.0, 2.0, "N m/s", start=0.1, doc="growth")}
+
+        def torque(self, state, x, p):
+            return p["slope"] * x.t
+
+    try:
+        truth = World().add(EffectInstance.of("creep", "joint4", slope=0.5))
+        run = motion("fourier", ROBOT, 500.0, 3.0, stream(1, "motion"))
+        control = controller(ROBOT, "position", 500.0, centre_of(ROBOT))
+        rec = record(truth, run, control, NOISE, stream(1, "noise"))
+        for part in (rec, taken(rec, [(750, 1500)])):
+            evidence = Evidence([part])
+            nominal, right = (evidence.rms_error(r) / evidence.floor for r in evidence.residuals([World(), truth]))
+            assert right < 1.1 or part is not rec  # the start of a window is known less well
+            assert nominal > 10 * right
+    finally:
+        del REGISTRY["creep"]

@@ -93,6 +93,18 @@ def test_the_gear_carries_the_same_torque_in_both(name):
     assert np.abs(torque[0] - torque[1])[1:].max(axis=0) == pytest.approx(0, abs=0.02 * swing.max())
 
 
+def test_the_clock_of_effects_begins_with_each_episode():
+    """`x.t` counts the physics steps, and a row that begins anew counts from zero."""
+    drawn = worlds(["viscous_friction"] * 2, 0)
+    cell, q0 = Cell(SCENE, drawn, TICK / 3, TICK, 1, []), np.tile(HOME, (2, 1))
+    weight = nominal_of(SCENE.nominal, 2).gravity(q0).copy()
+    cell.start(q0, np.zeros_like(q0), weight, np.ones_like(q0))
+    cell.read()
+    cell.advance(weight, 3)
+    cell.begin(np.array([1]), drawn[1:], q0[1:], weight[1:])
+    np.testing.assert_allclose(cell.x.t, [[TICK], [0.0]], atol=1e-12)
+
+
 def test_steps_at_once_are_steps_one_by_one():
     """What follows from the command alone is asked without a look at the arm between the steps, with the same bits."""
     names, nsub = ["actuator_lag", "command_delay", "torque_gain"], 3

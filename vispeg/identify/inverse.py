@@ -140,7 +140,8 @@ class TorqueEvidence(Evidence):
         speed, (square, cube) = np.abs(seg.dq), compiled(robot).dof_dampingpoly[dof].T
         drag = seg.dq * (fields["dof_damping"][0, dof] + speed * (square + speed * cube))
         needed = load + fields["dof_armature"][0, dof] * ddq + drag
-        x = DriveState(1e-3, 1e-3, seg.q, seg.dq, ddq, load, np.ones_like(needed))
+        clock = (seg.begun + seg.time)[:, None]
+        x = DriveState(1e-3, 1e-3, seg.q, seg.dq, ddq, load, np.ones_like(needed), clock)
         dry = np.broadcast_to(fields["dof_frictionloss"][0, dof], needed.shape).copy()
         loop = EffectLoop(active)
         return needed, loop.friction(x, dry), loop.along(x, seg.cache["path"], seg.cache["at"]), loop
@@ -267,7 +268,7 @@ def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray, 
     time, tau, raw = time[thin], tau[rows][thin], rec.q[rows][thin]
     control = Control("unknown", rec.rate_hz)
     raw = np.where(np.isfinite(raw), raw, q)
-    segment = Segment(control, 1.0 / rec.rate_hz, {}, q, dq, raw, time, rows[thin])
+    segment = Segment(control, 1.0 / rec.rate_hz, {}, q, dq, raw, time, rows[thin], float(rec.time[rows[0]]))
     segment.cache.update(ddq=ddq, path=path, at=at)
     valid = np.isfinite(tau) & (_inside(time) & free[rows][thin] & read[thin])[:, None]
     return Item(rec, segment, robot, (Channel("needed", tau, sigma, valid),))

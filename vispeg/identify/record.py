@@ -201,7 +201,8 @@ def _held(segment: Segment, rest: int) -> Segment:
     command = {name: before(values, name == "dq_cmd") for name, values in segment.command.items()}
     q, dq, raw = before(segment.q), before(segment.dq, True), before(segment.q_raw)
     rows = np.arange(rest + segment.ticks)
-    return Segment(segment.control, segment.tick, command, q, dq, raw, rows * segment.tick, rows)
+    begun = segment.begun - rest * segment.tick
+    return Segment(segment.control, segment.tick, command, q, dq, raw, rows * segment.tick, rows, begun)
 
 
 def centre_of(robot: RobotModel) -> np.ndarray:

@@ -85,13 +85,16 @@ class Plant:
             value = np.broadcast_to(getattr(self.model, name), (self.nsim, self.model.nv))
         return value[:, self.vadr]
 
-    def start(self, q: np.ndarray, dq: np.ndarray, weight: np.ndarray, inertia: np.ndarray) -> None:
+    def start(
+        self, q: np.ndarray, dq: np.ndarray, weight: np.ndarray, inertia: np.ndarray, begun: np.ndarray | float = 0.0
+    ) -> None:
         """Set the arms to the state at which their encoders stand at q (nsim, nj) rad and dq rad/s.
 
         Args:
             q, dq: measured motion at the first tick.
             weight: (nsim, nj) N m, drive torque at equilibrium there.
             inertia: (nsim, nj) apparent inertia for effects, kg m^2.
+            begun: time on the recording's clock, s: (nsim, 1), or a number.
         """
         b = self.batch
         self.qpos, self.qvel = b.bind("qpos"), b.bind("qvel")
@@ -102,7 +105,9 @@ class Plant:
         self.qvel[:, self.vadr] = dq
         self.half = np.zeros_like(self.acc)
         self.first, self.pushed = True, False
-        self.x = DriveState(self.h, self.tick, q.copy(), dq.copy(), np.zeros_like(self.acc), weight.copy(), inertia)
+        clock = np.zeros((self.nsim, 1)) + begun
+        still = np.zeros_like(self.acc)
+        self.x = DriveState(self.h, self.tick, q.copy(), dq.copy(), still, weight.copy(), inertia, clock)
         self.loop.begin(self.x)
         if self.loop.senses:  # the encoders, not the links, start at the measured angles
             self.qpos[:, self.qadr] += q - self.loop.unrounded(self.x)
@@ -161,6 +166,7 @@ class Plant:
             self.x.tau = self.x.tau + self.damper[:, self.vadr]
         self.x.tau = self.x.tau + self.constraint[:, self.vadr]
         self.x.tau -= self.armature * self.acc
+        self.x.t = self.x.t + self.h
         return forces.motor
 
     def _apply(self, torque: np.ndarray | float) -> None:

@@ -138,7 +138,8 @@ class _Run:
         plant, ticks = self.plant, self.rows.ticks
         q0, dq0 = self.reference[0][0], self.reference[1][0]
         # start in equilibrium: the drives carry the arm's weight
-        plant.start(q0, dq0, self.nominal.gravity(q0).copy(), self.inertia)
+        begun = self.rows.constant(lambda s: s.begun, 1)
+        plant.start(q0, dq0, self.nominal.gravity(q0).copy(), self.inertia, begun)
         out = np.empty((4, ticks, *q0.shape))
         true_q = np.empty((ticks, *q0.shape)) if want_ee else None
         motor = np.zeros_like(q0)

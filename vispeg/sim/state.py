@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import mujoco
@@ -20,6 +20,8 @@ class DriveState:
         tau: torque from the drive on the link in the last substep, N m.
         inertia: apparent inertia 1 / (M^-1)_jj, the least over the motion, kg m^2: the inertia that a stiff spring at
             the joint acts on.
+        t: (nsim, 1) time on the recording's clock, s, negative while the arm rests before it; in a task, since the
+            episode began.
     """
 
     h: float
@@ -29,6 +31,7 @@ class DriveState:
     ddq: np.ndarray
     tau: np.ndarray
     inertia: np.ndarray
+    t: np.ndarray = field(default_factory=lambda: np.zeros((1, 1)))
 
 
 class Fields:

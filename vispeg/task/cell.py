@@ -118,6 +118,7 @@ class Cell(Plant):
         self.acc[rows] = 0.0
         self.x.q[rows], self.x.dq[rows], self.x.ddq[rows], self.x.tau[rows] = q, 0.0, 0.0, weight
         self.last[rows] = weight
+        self.x.t[rows] = 0.0
         self.loop.restart(self.x, rows)
         self.warned[rows] = self._warnings()[rows]
         self.batch.forward(ids=rows)
@@ -129,12 +130,14 @@ class Cell(Plant):
         """Return the rows (nsim,) bool that MuJoCo has reset since their episode began, for values that diverged."""
         return self._warnings() > self.warned
 
-    def start(self, q: np.ndarray, dq: np.ndarray, weight: np.ndarray, inertia: np.ndarray) -> None:
+    def start(
+        self, q: np.ndarray, dq: np.ndarray, weight: np.ndarray, inertia: np.ndarray, begun: np.ndarray | float = 0.0
+    ) -> None:
         """Start all rows, see Plant.start; `weight` is the torque of the drives before their first command."""
         self.last = weight.copy()
         self.wrench, self.axis = self.batch.bind("cfrc_int"), self.batch.bind("cdof")
         self.spring = self.batch.bind("qfrc_spring")
-        super().start(q, dq, weight, inertia)
+        super().start(q, dq, weight, inertia, begun)
 
     def use_recording_settings(self) -> None:
         """Switch to the settings for recordings: exact contacts, no creep of a held part, and filtered sensors.
@@ -216,6 +219,7 @@ class Cell(Plant):
         before = self.qvel[:, self.vadr].copy()
         self.batch.step(nstep=nstep)
         self.acc = (self.qvel[:, self.vadr] - before) / (self.h * nstep)
+        self.x.t = self.x.t + self.h * nstep
 
     def _geared(self, link: np.ndarray | None) -> np.ndarray:
         """Return the torque (nsim, nj) N m that the gears transmitted to the links.

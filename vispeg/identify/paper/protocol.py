@@ -104,7 +104,7 @@ def _piece(run: Segment, first: int, ticks: int, steps: int) -> Segment:
     grid = np.interp((first + at) * run.tick, run.time, run.rows)  # row numbers, integers if the clocks agree
     command = {name: values[rows] for name, values in run.command.items()}
     q, dq, raw = run.q[rows], run.dq[rows], run.q_raw[rows]
-    return Segment(run.control, run.tick, command, q, dq, raw, at * run.tick, grid)
+    return Segment(run.control, run.tick, command, q, dq, raw, at * run.tick, grid, run.begun + first * run.tick)
 
 
 def paths(pieces: Pieces, worlds: Sequence[World], nthread: int = 1) -> np.ndarray:

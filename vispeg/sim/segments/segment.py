@@ -39,6 +39,7 @@ class Segment:
         q_raw: (n, nj) measured angles on the control grid, as the controller read them.
         time: (m,) sample times relative to the first tick, s.
         rows: (m,) row numbers in the recording.
+        begun: time of the first tick on the recording's clock, s.
         cache: nominal quantities along the motion, computed once (inertia, gravity and its slope).
     """
 
@@ -50,6 +51,7 @@ class Segment:
     q_raw: np.ndarray
     time: np.ndarray
     rows: np.ndarray
+    begun: float = 0.0
     cache: dict = field(default_factory=dict, compare=False, repr=False)
 
     @property
@@ -62,7 +64,7 @@ class Segment:
         ticks = min(self.ticks, max(2, math.ceil(self.time[count - 1] / self.tick - 1e-6) + 1))
         command = {name: values[:ticks] for name, values in self.command.items()}
         q, dq, raw = (values[:ticks] for values in (self.q, self.dq, self.q_raw))
-        return Segment(self.control, self.tick, command, q, dq, raw, self.time[:count], self.rows[:count])
+        return Segment(self.control, self.tick, command, q, dq, raw, self.time[:count], self.rows[:count], self.begun)
 
 
 def segments(rec: Recording) -> list[Segment]:
@@ -108,7 +110,7 @@ def _segment(rec: Recording, rows: np.ndarray) -> Segment:
     q, dq, _ = smooth(grid, raw, START_HZ if closed else HELD_HZ)
     if closed:  # the loop forgets its start state only slowly where it is soft or its arm heavy
         q[0], dq[0] = start_state(time, read, noise_of(rec)["q"])
-    return Segment(rec.control, tick, command, q, dq, raw, time, rows)
+    return Segment(rec.control, tick, command, q, dq, raw, time, rows, float(rec.time[rows[0]]))
 
 
 def _continuous(quaternions: np.ndarray) -> np.ndarray:
