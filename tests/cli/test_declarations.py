@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import sys
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from types import NoneType
@@ -9,8 +10,11 @@ from typing import Any, get_args
 
 import pytest
 
-from vispeg.cli.command import SAME, Option, form, leaves
+from vispeg.cli import declared
+from vispeg.cli.command import SAME, Command, Option, form, leaves
 from vispeg.cli.declared import Unknown, parameters
+from vispeg.cli.output import Output
+from vispeg.core.errors import UserError
 
 LEAVES = leaves()
 
@@ -102,3 +106,25 @@ def test_a_folder_that_an_older_version_left_is_no_package(tmp_path, monkeypatch
     )
     monkeypatch.syspath_prepend(tmp_path)
     assert parameters("left_over.tools:f")["n"].default == 3
+
+
+@pytest.mark.parametrize(("hint", "ok"), [("list[Path]", True), ("Sequence[str]", True), ("set[str]", False)])
+def test_a_list_takes_several_values_but_not_none(tmp_path, monkeypatch, hint, ok):
+    """A type that no argument can have is named where the command is declared, not left out."""
+    (tmp_path / "counting.py").write_text(
+        "from collections.abc import Sequence\nfrom pathlib import Path\n\n"
+        f'def count(files: {hint}) -> int:\n    """Count.\n\n    Args:\n        files: what to count.\n    """\n'
+        '    return len(files)\n\ndef show(call) -> int:\n    """Count."""\n    return call()\n'
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "counting", raising=False)
+    for read in (declared.parameters, declared._tree):
+        read.cache_clear()
+    command = Command("counting:show", ["counting:count"], ["files"], {})
+    if not ok:
+        with pytest.raises(AssertionError, match="counting:show: no argument can have the type of .'files'."):
+            form(command)
+        return
+    assert command.run(form(command)(files=("a", "b"), output=Output())) == 2
+    with pytest.raises(UserError, match="FILES: nothing given; expected at least one"):
+        command.run(form(command)(files=(), output=Output()))

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from vispeg.report.text.summary import Block
 
 REQUIRED: Any = MISSING
+SEVERAL = (Sequence, list)  # types of a parameter that takes several values
 SAME: Any = object()  # the default of the parameter
 NAMED_IN = re.compile(r"`(\w+)`")  # a parameter in a docstring
 ARGS = re.compile(r"\n\s*Args:\n.*\Z", re.DOTALL)
@@ -102,6 +103,8 @@ class Command:
             kind = typed(parameter.hint, option.name or name) if option is not None else None
             if option is not None and kind is not None:
                 found[name] = parameter, option, kind | None if option.default is None else kind
+        lost = [name for name in self.positional if name not in found]
+        assert not lost, f"{self.place}: no argument can have the type of {lost}, see `vispeg.cli.command.typed`"
         first = [*self.positional, *(name for name, what in found.items() if _default(*what) is REQUIRED)]
         return {name: found[name] for name in dict.fromkeys([*first, *found])}
 
@@ -112,12 +115,16 @@ class Command:
 
     def run(self, args: Any) -> int:
         """Run the command with the arguments read by `form`; return the exit code."""
+        from vispeg.core.errors import UserError
+
         values, taken = dict(_flat(args)), self.taken()
         given = {name: values[_field(name, option)] for name, (_, option, _) in taken.items()}
         changed = [self.word(name) for name, what in taken.items() if given[name] != _default(*what)]
         for name, (parameter, _, _) in taken.items():
             if (number := _pairs(parameter.hint)) is not None:
                 given[name] = paired(given[name], self.word(name), number)
+            if name in self.positional and given[name] == () and _default(*taken[name]) is REQUIRED:
+                raise UserError("nothing given", key=self.word(name), expected="at least one")
         own = {k: v for k, v in given.items() if k in parameters(self.place)}
         module, _, function = self.place.partition(":")
         call = Call(self.functions, {k: v for k, v in given.items() if k not in own}, values["output"], changed)
@@ -246,16 +253,16 @@ def form(command: Command) -> type[Any]:
 def typed(hint: Any, name: str) -> Any:
     """Return the type of an option's value from a parameter's type; None if the command line cannot express it.
 
-    A sequence becomes a tuple, a mapping a tuple of texts NAME=VALUE. Text or path becomes a path, except for options
-    whose values have names.
+    A sequence or list becomes a tuple, a mapping a tuple of texts NAME=VALUE. Text or path becomes a path, except for
+    options whose values have names.
     """
     parts = [*_members(hint)]
     if _pairs(hint) is not None:
         return tuple[str, ...] | None if NoneType in parts else tuple[str, ...]
-    several = any(get_origin(part) is Sequence for part in parts)
+    several = any(get_origin(part) in SEVERAL for part in parts)
     inner = []  # the types of a single value
     for part in parts:
-        inner += _members(get_args(part)[0]) if get_origin(part) is Sequence else [part]
+        inner += _members(get_args(part)[0]) if get_origin(part) in SEVERAL else [part]
     kinds = [p for p in dict.fromkeys(inner) if p in (bool, int, float, str, Path) or get_origin(p) in (Literal, tuple)]
     if {str, Path} <= {*kinds}:
         kinds.remove(Path if name in NAMED else str)
