@@ -315,7 +315,8 @@ def test_what_could_not_have_been_seen_is_listed_the_least_certain_first():
     assert said.startswith(f"not detectable up to these sizes: {first}; ")
     assert "(fx, fy ±0.50 N)" in said and "(scale 0.50 to 2.0)" in said and "friction" not in said
     assert said.endswith("(grip at any size)"), "what has no size stands last"
-    assert unseen.sentence({"effects": found}) == ""
+    assert unseen.sentence({"effects": found}, "contact") == unseen.sentence({"effects": found}) == ""
+    assert unseen.sentence({"effects": found, "shows_from": rows}, "contact") == f"channel contact: {said}"
 
 
 def test_the_terminals_table_says_of_each_effect_how_sure_its_name_is():

@@ -110,8 +110,9 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
         out.append(Line(f"note: {a} and {b} are correlated by {r}: trust their combination more than either"))
     noted = dict.fromkeys([*(row["said"] for row in rows(diagnosis, "windows")), *(diagnosis.get("missing") or ())])
     out += [Line(f"note: {note}") for note in noted]
-    for record in (diagnosis, *(channel["record"] for channel in rows(diagnosis, "by_channel"))):
-        if hidden := unseen.sentence(record):
+    channels = [(row["record"], row["channel"]) for row in rows(diagnosis, "by_channel")]
+    for record, channel in ((diagnosis, ""), *channels):
+        if hidden := unseen.sentence(record, channel):
             out.append(Line(hidden))
         if record.get("evidence") == "contact":
             out += _closed_loop(record)

@@ -54,13 +54,14 @@ def unseen(values: Mapping[str, Any]) -> list[Unseen]:
     return sorted(out, key=lambda hidden: (hidden.never, -hidden.share))
 
 
-def sentence(values: Mapping[str, Any]) -> str:
-    """Return a sentence on the least certain effects; empty if there are none."""
+def sentence(values: Mapping[str, Any], channel: str = "") -> str:
+    """Return a sentence on the least certain effects, of one of several channels; empty if there are none."""
     hidden = unseen(values)
     if not hidden:
         return ""
     more = f"; {len(hidden) - SHOWN} more on the page" if len(hidden) > SHOWN else ""
-    return f"not detectable up to these sizes: {'; '.join(f'{h.effect} ({h.sizes})' for h in hidden[:SHOWN])}{more}"
+    of = f"channel {channel}: " if channel else ""
+    return f"{of}not detectable up to these sizes: {'; '.join(f'{h.effect} ({h.sizes})' for h in hidden[:SHOWN])}{more}"
 
 
 def _between(between: Any, param: Param | None) -> tuple[str, float]:
