@@ -128,6 +128,17 @@ def test_of_equals_a_load_comes_before_the_centre_of_a_link_though_it_has_more_p
     assert in_order(judge(), state, [clear, load])[0] is clear, "unless the data tell them apart"
 
 
+def test_of_equals_one_effect_comes_before_several_with_fewer_parameters():
+    """Masses of two links, with a parameter each, that do as well as a load with five."""
+    load, mass = body("payload", "flange", 151.0), body("link_mass", "link7", 150.0)
+    beside = EffectInstance.of("link_mass", "link6", mass=-0.1)
+    several = replace(mass, score=Score(mass.score.placed, 1.0, (beside,)), fit=fit(mass.fit.world.add(beside)))
+    state = State(World(), lost(1e3), np.zeros(1))
+    assert in_order(judge(), state, [several, load])[0] is load
+    part = body("payload", "flange", 400.0)
+    assert in_order(judge(), state, [several, part])[0] is several, "unless the one leaves much that several explain"
+
+
 @pytest.mark.parametrize(
     ("blocks", "drop", "holds"), [(15, 190.0, True), (15, 100.0, False), (14, 190.0, False), (18, 100.0, True)]
 )

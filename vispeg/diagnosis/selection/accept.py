@@ -76,7 +76,8 @@ def in_order(judge: Judge, state: State, trials: list[Trial]) -> list[Trial]:
         alone = [t for t in passed if not t.score.beside and t.gain.relative >= RULES.alone and sound(t)]
         best = (alone or passed)[0]
         alike = [t for t in passed if equal(judge, t.loss, best.loss, judge.mean(state.loss))]
-        first = min(alike, key=lambda t: (doubtful(t), parameters(t.fit.world), float(t.loss.sum())))
+        # one cause is simpler than several: a load at the flange has more parameters than masses of two links
+        first = min(alike, key=lambda t: (doubtful(t), t.score.count, parameters(t.fit.world), float(t.loss.sum())))
         # a likelier effect goes first, unless one explains nearly everything: a lone error may as well be a link's
         others = state.fit is not None or first.gain.mean < RULES.alone * (judge.mean(state.loss) - 1.0)
         instead = [t for t in alike if others and likelier(t, first) and doubtful(t) <= doubtful(first)]
