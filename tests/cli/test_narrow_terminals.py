@@ -122,6 +122,20 @@ def test_a_ladder_of_effects_that_came_in_together_stays_a_table(capsys):
     assert "1.00 mrad RMS" in lines[3]
 
 
+@pytest.mark.parametrize("columns", [20, 40, 60, 80, 200])
+def test_no_cell_is_cut_off(columns, capsys, monkeypatch):
+    """Sentences in columns that do not wrap, as the steps of `explain` have, and a word wider than the terminal."""
+    from vispeg.report.text.summary import print_summary
+    from vispeg.report.text.tables import Column, Sheet
+
+    hours = "0.83 h: 50 of 1 min (stated); training not counted, its time is not known"
+    rows = [["50 demonstrations on the robot, fine-tune", hours, "one\ntwo"], ["record", "/a/path" * 20, "60"]]
+    monkeypatch.setenv("COLUMNS", str(columns))
+    print_summary([Sheet([Column(head) for head in ("next step", "hours", "points an hour")], rows)])
+    said = capsys.readouterr().out
+    assert not whole(said, [word for row in rows for cell in row for word in cell.split()])
+
+
 def test_check(rigs):
     text = run("check", rigs["short"], columns=60)
     said = text.partition("  !")[0].splitlines()[1:]  # warnings are sentences, one a line

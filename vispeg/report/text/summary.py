@@ -38,7 +38,7 @@ def print_summary(blocks: Iterable[Block], console: Console | None = None) -> No
             text.append(head, style="bold").append(block.text, style="none")
             console.print(text, soft_wrap=block.path or block.warning)
         else:
-            console.print(block)
+            console.print(block, crop=False)  # a word wider than the terminal runs over its edge, and is not cut off
 
 
 def html(blocks: Sequence[Block]) -> str:

@@ -1,7 +1,7 @@
 """Tables for a terminal of any width, in which numbers, names and intervals are never wrapped.
 
-A table that is too wide is printed as a list, one block per row. A pipe or a file has 80 columns unless COLUMNS says
-otherwise, so that redirected output looks like that on a screen.
+A table that is too wide is printed as a list, one block per row; a cell that is too wide for that takes several lines.
+A pipe or a file has 80 columns unless COLUMNS says otherwise, so that redirected output looks like that on a screen.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class Sheet:
             text.append(" ".join(cell for cell in row[: self.keys] if cell) + "\n", style="bold")
             for column, cell in zip(self.columns[self.keys :], row[self.keys :], strict=True):
                 if cell:
-                    lines = wrapped(cell, width - indent) if column.prose else [cell]
+                    lines = [part for line in cell.split("\n") for part in wrapped(line, width - indent)]
                     text.append(f"  {' '.join(column.head.split())}".ljust(indent), style="dim")
                     text.append(f"\n{' ' * indent}".join(lines) + "\n")
         text.right_crop(1)
