@@ -125,6 +125,13 @@ def test_a_folder_of_another_policy_or_world_is_not_continued(policy, tmp_path):
     other = make_jobs(who, [Setting("nominal", "S", task={"clearance_mm": 1.0})], range(9), tmp_path)
     with pytest.raises(UserError, match="S stood for another one when this folder was begun"):
         run(other, tmp_path / "out", arena=coin)
+    (tmp_path / "a_s0" / "judged").mkdir()  # results and notes in its folder do not make it another policy
+    (tmp_path / "a_s0" / "judged" / "evaluate.json").write_text("{}")
+    run(
+        make_jobs(entrants([str(tmp_path / "a_s0")]), [Setting("nominal", "S")], range(6), tmp_path),
+        tmp_path / "out",
+        arena=coin,
+    )
     changed = entrants([policy("a_s0", note="trained longer")])
     with pytest.raises(UserError, match="a/s0 stood for another one"):
         run(make_jobs(changed, [Setting("nominal", "S")], range(9), tmp_path), tmp_path / "out", arena=coin)

@@ -429,6 +429,9 @@ def test_a_socket_robot_in_its_own_time_from_the_command_line(tmp_path, capsys):
     assert trial.said.world.name == "nominal" and trial.said.start.goal_m is not None
     assert trial.said.timing.steps > 2 and '"missed"' in capsys.readouterr().out
     assert np.all(np.diff(trial.recording.time) > 0)
+    (tmp_path / "t" / "why").mkdir()  # as `explain t --out t/why` leaves it: further trials go beside it
+    assert main([*argv, "--shadow", "--json"]) == 0
+    assert {p.name for p in tmp_path.glob("t/[!.]*")} == {"trial-0001", "trial-0002", "why"}
 
 
 @pytest.mark.parametrize(

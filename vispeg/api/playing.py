@@ -13,7 +13,7 @@ from vispeg.api.result import Result
 from vispeg.core.cluster import Engine
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
-from vispeg.core.provenance import digest, here
+from vispeg.core.provenance import here
 from vispeg.core.several import several
 from vispeg.evaluation import runner
 from vispeg.evaluation.controls import controls_of
@@ -21,6 +21,7 @@ from vispeg.evaluation.entrants import Entrant
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Job
 from vispeg.evaluation.records import Episode, append
+from vispeg.learn.record import policy_digest
 from vispeg.report.gap import words
 from vispeg.report.gap.build import write
 from vispeg.task.registry import config_of, scene_of
@@ -99,7 +100,7 @@ def play(jobs: Sequence[Job], folder: Path, workers: int, playing: Playing, engi
 
 def stamped(values: Mapping[str, Any], seed: int, inputs: Iterable[Path]) -> Mapping[str, Any]:
     """Return the record with its provenance."""
-    return {**values, "provenance": here(seed, {str(path): f"sha256:{digest(path)}" for path in inputs})}
+    return {**values, "provenance": here(seed, {str(path): f"sha256:{policy_digest(path)}" for path in inputs})}
 
 
 def folders(who: Iterable[Entrant]) -> list[Path]:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from vispeg.core.disk import written
 from vispeg.core.errors import UserError
 from vispeg.core.lock import claimed
-from vispeg.core.provenance import digest
 from vispeg.interface.exported import Exported
 from vispeg.interface.interface import Interface, NoInterface
 from vispeg.interface.terms import FELT
@@ -185,7 +184,7 @@ def opened(policy: str | Path, world: str | Path | None, name: str | None) -> tu
     if who.source is not None:
         return _own(who, world, name)
     network = open_policy(who.path)
-    meaning = interface_of_policy(network, None if world is None else str(world), digest(who.path))
+    meaning = interface_of_policy(network, None if world is None else str(world), who.digest)
     meaning.observer()
     part = PolicyPart(name=name or who.name, digest=who.digest, modality=who.modality, train_seed=who.train_seed)
     return network, meaning, part
@@ -216,7 +215,8 @@ def _own(who: Entrant, world: str | Path | None, name: str | None) -> tuple[Acts
 @contextmanager
 def _place(out: Path) -> Iterator[Path]:
     """Yield the folder of trials, locked against other processes. Raises UserError: it holds other files."""
-    if out.exists() and (not out.is_dir() or any(not is_trial(p) for p in out.iterdir() if not p.name.startswith("."))):
+    inside = [p for p in out.iterdir() if not p.name.startswith(".")] if out.is_dir() else []
+    if out.exists() and (not out.is_dir() or (inside and not any(map(is_trial, inside)))):
         raise UserError("is not a folder of trials", file=out, expected="a new or empty folder, or one with trials")
     with claimed(out):
         with written(out):

@@ -76,11 +76,15 @@ def command_line(argv: Sequence[str]) -> str:
     return shlex.join([name, *map(str, argv[1:])])
 
 
-def digest(path: str | Path) -> str:
+def digest(path: str | Path, names: Iterable[str] | None = None) -> str:
     """Return the SHA-256 (hex) of a file's content, or of a folder's files: relative names and contents, sorted.
 
     A file's digest is what `sha256sum` prints. A folder's does not depend on its own name, nor on the order in which
     the file system lists it.
+
+    Args:
+        path: the file or folder.
+        names: relative names of the folder's files that count; those that are missing count for nothing. None for all.
 
     Raises:
         UserError: the file or folder cannot be read.
@@ -88,7 +92,8 @@ def digest(path: str | Path) -> str:
     path = Path(path)
     try:
         if path.is_dir():
-            files = {file.relative_to(path).as_posix(): file for file in path.rglob("*") if file.is_file()}
+            inside = path.rglob("*") if names is None else (path / name for name in names)
+            files = {file.relative_to(path).as_posix(): file for file in inside if file.is_file()}
             lines = [f"{_file_digest(file)}  {name}\n" for name, file in sorted(files.items())]
             return hashlib.sha256("".join(lines).encode("utf-8", "surrogateescape")).hexdigest()
         return _file_digest(path)

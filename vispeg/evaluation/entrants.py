@@ -16,7 +16,7 @@ from vispeg.core.provenance import digest
 from vispeg.evaluation import own
 from vispeg.interface.actions import OFFSET, STATED, split
 from vispeg.learn.meta import interface, tolerance_of, worlds
-from vispeg.learn.record import read_record
+from vispeg.learn.record import policy_digest, read_record
 from vispeg.learn.shipped import policy_folder
 from vispeg.task.world_file import built_in, parts
 
@@ -38,7 +38,7 @@ class Entrant:
         train_seed: seed of its training.
         trained_on: hashes of the worlds that it was trained or fine-tuned in.
         task: the task's settings that it was made for (stack, dof, cameras, ...).
-        digest: SHA-256 of its folder or file; for an object, a text that no other object has.
+        digest: SHA-256 of its files; for an object, a text that no other object has.
         parts: hash -> name of the parts of those worlds, see `vispeg.task.world_file.parts`.
         tolerance: the tolerance that it was made for, see `vispeg.task.config.Tolerance`; None if it states none.
         source: for a user's own policy (`vispeg.evaluation.own`) the text that names it, or the object; else None.
@@ -110,7 +110,7 @@ def entrant(text: str) -> Entrant:
         seed,
         tuple(made_in["world_hashes"]),
         interface(meta),
-        digest(path),
+        policy_digest(path),
         made_in["world_parts"],
         tolerance_of(meta),
     )

@@ -23,6 +23,7 @@ NETWORK = Format("vispeg-policy/1", "a policy", KEYS, ("modality", "layout"), "j
 PAIR = Format("vispeg-coarse-to-fine/1", "a policy of two", ("modality", "within", "meta"), ("within",), "json")
 WEIGHTS = "policy.safetensors"
 COARSE, FINE = "coarse", "fine"  # sub-folders of a pair, each with one policy
+FILES = tuple(f"{part}{name}" for part in ("", f"{COARSE}/", f"{FINE}/") for name in (META, WEIGHTS))  # of one or two
 WIDEST, LAYERS = 8192, 16  # largest width of a layer, largest number of layers
 
 
@@ -96,6 +97,18 @@ def read_record(folder: Path) -> PolicyRecord:
     if not isinstance(record.get("weights", ""), str):
         raise UserError("not a hash", file=path, key="weights", expected="sha256:...", got=record["weights"])
     return cast("PolicyRecord", {"format": kind.name, **record})
+
+
+def policy_digest(path: Path) -> str:
+    """Return the digest of a policy's own files, which tells it from other policies.
+
+    Results or notes that somebody puts into its folder do not make it another policy. Of a path without policy.json,
+    such as an exported policy, the digest of all that is there.
+
+    Raises:
+        UserError: the file or folder cannot be read.
+    """
+    return digest(path, FILES if (path / META).is_file() else None)
 
 
 def check_weights(folder: Path, record: PolicyRecord) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 from vispeg.api.export.export import check_ending
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
-from vispeg.core.provenance import digest
 from vispeg.report.text.summary import Block, Line, html
 
 
@@ -65,11 +64,14 @@ def export_policy(
     from vispeg.learn import onnx
     from vispeg.learn.interface import interface_of_policy
     from vispeg.learn.policy import load
+    from vispeg.learn.record import policy_digest
     from vispeg.learn.shipped import policy_folder
 
     opened = load(policy)
     try:
-        meaning = interface_of_policy(opened, None if world is None else str(world), digest(policy_folder(policy)))
+        meaning = interface_of_policy(
+            opened, None if world is None else str(world), policy_digest(policy_folder(policy))
+        )
     except UserError as error:
         raise UserError(str(error), file=policy) from error
     file = onnx.export(opened, out, overwrite, meaning)
