@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gymnasium import spaces
 from their_folders import write
 
 from vispeg.api.datasets import render_dataset
@@ -14,6 +15,7 @@ from vispeg.datasets.read import Dataset
 from vispeg.learn.experience.shown import from_folder
 from vispeg.learn.layout import Layout
 from vispeg.task.environments.vector import TaskVec
+from vispeg.task.interface import interface_in
 
 CAMERAS = ("wrist_wide", "wrist_crop")
 SIZE = 48
@@ -109,6 +111,39 @@ def test_a_loggers_folder_gives_what_the_environment_tells(tmp_path):
     assert said == ["6 of 24 actions asked for more than the controller takes"]
     np.testing.assert_array_equal(batch.action.numpy(), np.clip(np.tile(far, (2, 1)), -1, 1))
     env.close()
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("column", ["joint3.pos", "joint3.vel", "force_y", "y", "next.reward"])
+def test_a_number_that_is_none_is_refused_where_it_stands_and_counts_not_as_0(tmp_path, column, bad):
+    """At the first frame a wrench counts for nothing, as on a robot."""
+    config = config_of("nominal")
+    joints = [f"joint{i}" for i in range(1, 8)]
+    wrench = [f"{part}_{axis}" for part in ("force", "torque") for axis in "xyz"]
+    names = {"observation.state": [*(f"{j}.pos" for j in joints), *(f"{j}.vel" for j in joints), *wrench]}
+    names["action"] = ["x", "y", "z"]
+    names["label.environment_state"] = [f"t{i}" for i in range(22)]
+    home = np.concatenate([interface_in(config, None, "proprio", modality="proprio").arm.home_rad, np.zeros(13)])
+    episodes = [
+        {
+            "observation.state": np.tile(home, (6, 1)),
+            "action": np.zeros((6, 3)),
+            "label.environment_state": np.zeros((6, 22)),
+            "next.reward": np.zeros(6),
+        }
+        for _ in range(2)
+    ]
+    episodes[1]["observation.state"][0, names["observation.state"].index("force_y")] = bad
+    beside = spaces.Dict({"policy": spaces.Box(-1, 1, (30,)), "privileged": spaces.Box(-1, 1, (22,))})
+    how = {"config": config, "beside": beside}
+    from_folder(write(tmp_path / "whole", episodes, names), "proprio", Layout(30, {}, 3), 0, **how)
+    feature = next((f for f, those in names.items() if column in those), column)
+    value = episodes[1][feature].reshape(6, -1)
+    value[4, names[feature].index(column) if feature in names else 0] = bad
+    episodes[1][feature] = value.reshape(episodes[1][feature].shape)
+    said = column.removesuffix(".pos") if feature in ("observation.state", "next.reward") else feature
+    with pytest.raises(UserError, match=f"{said}, episode 1, frame 4: is not finite; expected a number; got {bad}"):
+        from_folder(write(tmp_path / "gap", episodes, names), "proprio", Layout(30, {}, 3), 0, **how)
 
 
 def test_what_a_folder_lacks_is_one_line_before_anything_is_played(rendered, tmp_path, capsys, monkeypatch):

@@ -18,7 +18,7 @@ from vispeg.datasets.read import Dataset
 from vispeg.interface.actions import entries, split
 from vispeg.interface.observer import BEYOND, DOF
 from vispeg.learn.experience.replay import Replay
-from vispeg.learn.experience.theirs import ACTION, EXECUTED, RATE, Theirs
+from vispeg.learn.experience.theirs import ACTION, EXECUTED, RATE, Theirs, finite
 from vispeg.learn.layout import PRIVILEGED, Layout
 from vispeg.learn.meta import Origin, refuse_other_actions
 from vispeg.learn.modalities import modality as modality_of
@@ -75,8 +75,9 @@ def from_folder(
         say: called with a line if actions exceed what the controller accepts; they are clipped to +-1.
 
     Raises:
-        UserError: not such a folder, no episode succeeded, a feature is missing, an observation or action has another
-            shape, an action or (beside a run's own) a reward another meaning, or the policy is told the goal's place.
+        UserError: not such a folder, no episode succeeded, a feature is missing, a number is not finite, an observation
+            or action has another shape, an action or (beside a run's own) a reward another meaning, or the policy is
+            told the goal's place.
     """
     if modality_of(modality).obs_mode in GOAL_TOLD:
         expected = "a policy that is not told where the goal is"
@@ -105,10 +106,14 @@ def from_folder(
         episode = data.episode(number)
         seen, action = {key: _channels_first(key, episode[name]) for key, name in names.items()}, episode[act]
         if theirs is not None:
-            seen[POLICY], meant = theirs.read(episode)
+            seen[POLICY], meant = theirs.read(number, episode)
             action = meant if act == ACTION else action
         reward = np.asarray(episode["next.reward"] if rewards else np.zeros(len(action)), np.float32)
-        return {key: seen[key] for key in keys}, action.reshape(len(action), -1), reward
+        action = action.reshape(len(action), -1)
+        vectors = {names.get(key, key): seen[key] for key in keys if kind_of(key) is None}
+        for name, value in (vectors | {act: action, "next.reward": reward.reshape(-1, 1)}).items():
+            finite(value, name, index.folder, number)
+        return {key: seen[key] for key in keys}, action, reward
 
     first, acted, _ = read(numbers[0])
     boxes: dict[str, spaces.Space] = {key: _box(key, first[key]) for key in keys}

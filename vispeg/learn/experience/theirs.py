@@ -8,6 +8,7 @@ terms and the observer of `vispeg.interface`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -84,48 +85,81 @@ class Theirs:
     def _has(self, names: Sequence[str]) -> bool:
         return all(name in self._places for name in names)
 
-    def _values(self, episode: Mapping[str, np.ndarray], names: Sequence[str]) -> np.ndarray:
-        """Return the named values of an episode's frames, (T, len(names))."""
-        places = [self._places[name] for name in names]
-        return np.stack([episode[f].reshape(len(episode[f]), -1)[:, i] for f, i in places], axis=1).astype(float)
+    def _values(
+        self, number: int, episode: Mapping[str, np.ndarray], names: Sequence[str], first: int = 0
+    ) -> np.ndarray:
+        """Return the named values of an episode's frames from the `first` on, (T - first, len(names)).
 
-    def read(self, episode: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        Raises:
+            UserError: one is not finite. As 0 it would be a place, a speed or a force that was not measured.
+        """
+        places = [self._places[name] for name in names]
+        columns = [episode[f].reshape(len(episode[f]), -1)[first:, i] for f, i in places]
+        return finite(np.stack(columns, axis=1).astype(float), names, self.folder, number, first)
+
+    def read(self, number: int, episode: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Return the policy's observation in each frame of an episode, (T, k) float32, and the intended offset (T, d).
+
+        Args:
+            number: the episode's, for errors.
+            episode: its values by feature, those of `features` at least.
 
         Raises:
             UserError: numbers that are not finite, or actions that are not of the kind that the data set declares.
         """
         meant = episode[ACTION].reshape(len(episode[ACTION]), -1)
-        o = self._observer(episode, len(meant))
-        offset = self.actions.offset(meant, o)
-        if not np.isfinite(offset).all():
-            raise UserError("actions that are not finite", file=self.folder, key=ACTION)
-        done = episode[EXECUTED].reshape(len(meant), -1) if self._executed else offset
+        o = self._observer(number, episode, len(meant))
+        offset = finite(self.actions.offset(meant, o), ACTION, self.folder, number)
+        done = offset
+        if self._executed:
+            done = finite(episode[EXECUTED].reshape(len(meant), -1), EXECUTED, self.folder, number)
         o.action[1:] = np.clip(done, -1, 1)[:-1]  # of the step before; none at the first frame
         values, stack = scaled(self.interface.terms, o), Stack(self.interface.stack, o.n, o.stack.values.shape[-1])
-        for back in range(self.interface.stack):  # as on a robot, what is not a number becomes 0 (`Stack.push`)
-            stack.values[back] = np.nan_to_num(values[np.maximum(np.arange(o.n) - back, 0)])
+        for back in range(self.interface.stack):
+            stack.values[back] = values[np.maximum(np.arange(o.n) - back, 0)]
         return policy_part(stack), offset
 
-    def _observer(self, episode: Mapping[str, np.ndarray], n: int) -> Observer:
-        """Return an observer with one row for each of the episode's n frames."""
+    def _observer(self, number: int, episode: Mapping[str, np.ndarray], n: int) -> Observer:
+        """Return an observer with one row for each of the episode's n frames; `number` is the episode's, for errors."""
         o = self.interface.observer(n)
         o.believed[:] = self.interface.goal.nominal_m
         if self._has(self.joints):
-            q = self._values(episode, self.joints)
+            q = self._values(number, episode, self.joints)
             if np.abs(q).max() > MOST:
                 got = float(np.abs(q).max())
                 raise UserError(
                     "angles of more than two turns", file=self.folder, key="joints", expected="rad", got=got
                 )
-            dq = self._values(episode, self.speeds) if self._has(self.speeds) else np.zeros_like(q)
+            dq = self._values(number, episode, self.speeds) if self._has(self.speeds) else np.zeros_like(q)
             o.see(q, dq)
         else:
-            o.flange, o.turn = self._values(episode, TIP) + [0, 0, o.length], np.tile(DOWN, (n, 1))
+            o.flange, o.turn = self._values(number, episode, TIP) + [0, 0, o.length], np.tile(DOWN, (n, 1))
             o.twist = np.zeros((n, 6))
         if self._has(VELOCITY):
-            o.twist[:, :3] = self._values(episode, VELOCITY)
+            o.twist[:, :3] = self._values(number, episode, VELOCITY)
         for part in (slice(0, 3), slice(3, 6)):
             if self._has(WRENCH[part]):
-                o.wrench[1:, part] = self._values(episode, WRENCH[part])[1:]  # as on a robot, 0 at the first frame
+                # as on a robot, 0 at the first frame
+                o.wrench[1:, part] = self._values(number, episode, WRENCH[part], first=1)
         return o
+
+
+def finite(values: np.ndarray, names: str | Sequence[str], folder: Path, number: int, first: int = 0) -> np.ndarray:
+    """Return an episode's values (T, n), which must be finite.
+
+    Args:
+        values: to be checked.
+        names: of the feature, or of each of its n values.
+        folder: of the data set, for the error.
+        number: the episode's, for the error.
+        first: the frame to which the first row belongs.
+
+    Raises:
+        UserError: a value is not finite; the error names it, its episode and its frame.
+    """
+    if len(bad := np.argwhere(~np.isfinite(values))):
+        frame, column = bad[0].tolist()
+        name, got = names if isinstance(names, str) else names[column], float(values[frame, column])
+        where = f"{name}, episode {number}, frame {first + frame}"
+        raise UserError("is not finite", file=folder, key=where, expected="a number", got=got)
+    return values
