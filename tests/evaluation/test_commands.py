@@ -58,6 +58,11 @@ def test_a_gap_from_records_and_a_robots_csv(vispeg, tmp_path, invented):
         (("evaluate", "expert", "--episodes", "0", "--out", "g"), "no episodes"),
         (("evaluate", "expert", "--controls", "frosen", "--out", "g"), "did you mean 'frozen'"),
         (("evaluate", "expert", "expert", "--out", "g"), "two policies called expert"),
+        *(
+            ((*command, "--seed", str(2**63 - 1), "--out", "g"), "expected 0 to 46116860184263")
+            for command in (("evaluate", "expert"), ("gap", "expert", "--controls", "none"), ("perturb", "expert"))
+        ),
+        (("train", "peg-state", "--seed", str(2**32), "--out", "g"), "expected 0 to 2^32 - 1"),
         (("sensitivity", "expert", "--out", "g"), "nothing to sweep"),
         (("sensitivity", "expert", "--sweep", "camera-shift", "--out", "g"), "expert (state) looks at none"),
         (("sensitivity", "expert", "--sweep", "friction", "--sweep", "light", "--out", "g"), "changes images alone"),

@@ -233,6 +233,8 @@ def test_worlds_of_ones_own_share_what_their_bases_say(policy, tmp_path):
 
 def test_evaluation_seeds_are_held_out_and_draws_share_none():
     assert min(seeds_of(500)) == FIRST_SEED and not set(seeds_of(500)) & set(seeds_of(500, seed=1))
+    with pytest.raises(UserError, match=r"not a seed of an evaluation.*got -1"):  # below are training's
+        seeds_of(500, seed=-1)
     assert seeds_of(100) == seeds_of(500)[:100]
     assert 500 * 2000 / HELD_OUT == pytest.approx(1 / 2000, rel=0.1), "one of them in so many training runs"
 

@@ -18,7 +18,7 @@ from vispeg.evaluation import senses, statistics
 from vispeg.evaluation.bridge import bridge
 from vispeg.evaluation.categories import part as compare_failures
 from vispeg.evaluation.gap import worth_row
-from vispeg.evaluation.jobs import FIRST_SEED
+from vispeg.evaluation.jobs import seeds_of as evaluation_seeds
 from vispeg.evaluation.measures import APART
 from vispeg.evaluation.measures import compare as compare_measures
 from vispeg.evaluation.records import Episode
@@ -43,9 +43,11 @@ def seeds_of(trial: int, trials: int, replays: int, seed: int = 0) -> list[int]:
 
     They are the same for every kind of replay, so that replays pair, and the first are the same for any number of
     replays, so that a resumed run can use them.
+
+    Raises:
+        UserError: as `vispeg.evaluation.jobs.seeds_of`.
     """
-    start = FIRST_SEED + 100_000 * seed + trial
-    return list(range(start, start + replays * trials, trials))
+    return evaluation_seeds(replays * trials, seed)[trial::trials]
 
 
 def summarise(

@@ -8,10 +8,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.evaluation.controls import ON_IMAGES, at_nominal
 from vispeg.evaluation.entrants import Entrant
 from vispeg.evaluation.overlay import Change, overlay
+from vispeg.evaluation.records import LAST_SEED
 from vispeg.evaluation.remainder import Remainder
 from vispeg.evaluation.replay import Replays
 from vispeg.render.image_kinds import MODES
@@ -21,6 +23,7 @@ from vispeg.task.world_file import load_world
 # First seed of an evaluation. Training draws its seeds at random below 2^31: one training in two thousand, of two
 # thousand episodes each, meets any of 500 evaluation seeds.
 FIRST_SEED = 1_000_000
+APART = 100_000  # between the first seeds of two evaluations
 STATE_ROWS, IMAGE_ROWS = 50, 20  # episodes side by side, without and with images
 
 
@@ -153,6 +156,13 @@ def has_eyes(who: Entrant) -> bool:
 
 
 def seeds_of(episodes: int, seed: int = 0) -> list[int]:
-    """Return the held-out seeds of an evaluation; another `seed` gives other ones, if `episodes` is below 100,000."""
-    start = FIRST_SEED + 100_000 * seed
+    """Return the held-out seeds of an evaluation; another `seed` gives other ones, if `episodes` is below APART.
+
+    Raises:
+        UserError: a negative `seed`, or one whose episodes would have seeds above LAST_SEED.
+    """
+    most = (LAST_SEED - FIRST_SEED - episodes) // APART
+    if not 0 <= seed <= most:
+        raise UserError("not a seed of an evaluation", key="--seed", expected=f"0 to {most}", got=seed)
+    start = FIRST_SEED + APART * seed
     return list(range(start, start + episodes))

@@ -18,6 +18,7 @@ from vispeg.sim.engine import ENGINES
 from vispeg.task.registry import FIRST, kind_of
 
 FORMAT = "vispeg-train/1"
+SEEDS = 2**32  # exclusive: Stable-Baselines3 seeds NumPy's global generator, which takes 32 bits
 RECIPES = ("sac", "distill", "distill+sac")
 RANGES = ("full", "schedule", "adaptive")
 
@@ -54,7 +55,7 @@ class TrainConfig:
         recipe: `sac`, `distill` or `distill+sac`.
         world: built-in name or path of a world file.
         steps: total number of environment steps.
-        seed: seed of everything random.
+        seed: seed of everything random, 0 to 2^32 - 1.
         envs: number of environments stepped together.
         every: environment steps between evaluations; each evaluation also writes the checkpoint that a killed run
             resumes from.
@@ -101,6 +102,8 @@ class TrainConfig:
     wandb: str = ""
 
     def __post_init__(self) -> None:
+        if not 0 <= self.seed < SEEDS:
+            raise UserError("not a seed of a training", key="seed", expected="0 to 2^32 - 1", got=self.seed)
         for key in ("steps", "envs", "every", "episodes", "threads"):
             if getattr(self, key) < 1:
                 raise UserError("must be at least 1", key=key, got=getattr(self, key))
