@@ -217,6 +217,8 @@ def test_what_cannot_be_played_is_one_line(tmp_path, python, monkeypatch, capsys
         f"lerobot:{plain}": "another/config.json: not a policy that LeRobot saved",
         f"lerobot:{other}": "was trained with another state than this robot has",
         f"lerobot:{saved(tmp_path / 'size', shape=(3, 8, 8))}": "AssertionError",
+        f"lerobot:{saved(tmp_path / 'wide', shape=(3, 16, 24))}": "not square; expected as high as wide",
+        f"lerobot:{saved(tmp_path / 'flat', shape=(3,))}": "not square",
     }
     for policy, said in cases.items():
         argv = ["evaluate", policy, "--world", "nominal", "--episodes", "1", "--videos", "0"]

@@ -53,7 +53,7 @@ class LeRobot:
         action_width: length of an action; None where the folder does not state it.
 
     Raises:
-        UserError: not such a folder, images of several sizes, or no way to run LeRobot.
+        UserError: not such a folder, images of several sizes or that are not square, or no way to run LeRobot.
     """
 
     measured = True
@@ -80,7 +80,13 @@ class LeRobot:
             sizes = {shapes[key][1:] for key in images}
             if len(sizes) > 1:
                 raise UserError("pictures of several sizes", file=file, key="input_features", got=sorted(sizes))
-            self.task = {"cameras": tuple(self.cameras), "image_size": min(sizes.pop())}
+            (size,) = sizes
+            if len(size) != 2 or size[0] != size[1]:  # those that the task shows are, and a network would take others
+                expected = "as high as wide, like those of `vispeg render`"
+                raise UserError(
+                    "pictures that are not square", file=file, key="input_features", expected=expected, got=size
+                )
+            self.task = {"cameras": tuple(self.cameras), "image_size": size[0]}
         self._process = LeRobotProcess(f"{PREFIX}{folder}", "policy", str(folder.resolve()))
 
     def feels(self, joints: int) -> bool:
