@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 
 from vispeg.api.explain import UNTRIED, explain
 from vispeg.api.learning.finetune import failed_starts
@@ -187,6 +188,20 @@ def test_trials_that_tell_nothing_are_refused_in_one_line(cell, tmp_path, capsys
         argv = ["explain", str(tmp_path / place), "--policy", policy, "--out", str(tmp_path / "why")]
         assert main(argv) == 2
         assert "\n" not in capsys.readouterr().err.strip() and not (tmp_path / "why").exists()
+
+
+@pytest.mark.parametrize("change", [{"q_rad": [0.0] * 6}, {"q_rad": [9.0] * 7}, {"goal_m": [0.6, 0.0, 5.0]}])
+def test_a_start_that_the_simulated_cell_cannot_take_is_named_with_its_file(cell, tmp_path, capsys, change):
+    for folder in folders(cell / "trials")[:2]:
+        shutil.copytree(folder, tmp_path / "few" / folder.name)
+    file = tmp_path / "few" / folder.name / FILE
+    data = yaml.safe_load(file.read_text())
+    file.write_text(yaml.safe_dump(data | {"start": data["start"] | change}))
+    argv = ["explain", str(tmp_path / "few"), "--policy", "expert", "--replays", "1", "--quiet"]
+    assert main([*argv, "--out", str(tmp_path / "why")]) == 2
+    said = capsys.readouterr().err.strip()
+    assert f"{folder.name}/{FILE}: " in said and "array" not in said and "\n" not in said
+    assert not (tmp_path / "why").exists()
 
 
 def test_what_is_compared_ends_where_the_force_stays_off_that_of_the_start(cell):

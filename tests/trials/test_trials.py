@@ -164,6 +164,15 @@ def test_a_trial_that_cannot_be_is_one_line_with_its_file(tmp_path, change, name
     assert FILE in said and named in said and "\n" not in said
 
 
+def test_a_table_of_steps_that_was_cut_between_two_rows_is_refused(kept, tmp_path):
+    """As a full disk or a stopped copy leaves it: what is there reads well."""
+    shutil.copytree(folders(kept / "trials")[0], folder := tmp_path / "trial-0001")
+    whole = (folder / "steps.csv").read_text().splitlines(keepends=True)
+    (folder / "steps.csv").write_text("".join(whole[:4]))
+    with pytest.raises(UserError, match=rf"steps.csv: has the wrong number of rows.*expected {len(whole) - 1} .*got 3"):
+        read_trial(folder)
+
+
 def test_bad_folders_are_refused_and_left_as_they_are(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("mine").mkdir()

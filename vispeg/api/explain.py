@@ -207,7 +207,7 @@ def explain(
         digest = _digest(read)
         seeds = [why.seeds_of(i, len(read), replays, seed) for i in range(len(read))]
         trial_of = {s: t for t, own in zip(read, seeds, strict=True) for s in own}  # seed of a replay -> its trial
-        starts = {s: t.said.again() for s, t in trial_of.items()}
+        starts = {s: replace(t.said.again(), source=(t.path or Path()) / FILE) for s, t in trial_of.items()}
         actions = {s: t.steps.action for s, t in trial_of.items()}
         kinds = {CLOSED: (), OPEN: (), **causes}
         jobs: dict[str, list[Job]] = {}

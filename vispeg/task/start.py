@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -35,12 +36,14 @@ class Start:
         goal: (3,) m, true position of the goal in the base.
         believed: (3,) m, position of the goal in the base that policies are told.
         effects: all effects of the episode's world, except the offset of the goal if `goal` is given.
+        source: the file that states it, for errors.
     """
 
     q: np.ndarray | None = None
     goal: np.ndarray | None = None
     believed: np.ndarray | None = None
     effects: tuple[EffectInstance, ...] | None = None
+    source: Path | None = None
 
 
 __all__ = ["ABOVE", "DOWN", "Start", "home"]

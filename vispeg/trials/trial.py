@@ -262,15 +262,16 @@ def read_said(folder: str | Path) -> Said:
 
 @enrol(NAME, _example)
 def read_trial(folder: str | Path) -> Trial:
-    """Read a trial. Raises UserError: as `read_said`, or an invalid recording or table."""
+    """Read a trial. Raises UserError: as `read_said`, an invalid recording or table, or a table that was cut off."""
     path = Path(folder)
     said = read_said(path)
-    return Trial(said, load(path), _steps(path / STEPS), path)
-
-
-def read_trials(place: str | Path) -> list[Said]:
-    """Read trial.yaml of every trial in a folder. Raises UserError: as `folders` and `read_said`."""
-    return [read_said(folder) for folder in folders(place)]
+    steps, stated = _steps(path / STEPS), said.timing.steps  # 0 where another program does not state it
+    if stated and stated != len(steps.time):
+        expected = f"{stated} rows by timing.steps of {FILE}"
+        raise UserError(
+            "has the wrong number of rows (cut off?)", file=path / STEPS, expected=expected, got=len(steps.time)
+        )
+    return Trial(said, load(path), steps, path)
 
 
 def _steps(file: Path) -> Steps:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -13,7 +13,7 @@ from vispeg.core.extras import require
 from vispeg.formats.json_data import read_json
 from vispeg.report.text.summary import Block, Line, html
 from vispeg.task.start import Start
-from vispeg.trials.trial import read_trials
+from vispeg.trials.trial import FILE, folders, read_said
 
 if TYPE_CHECKING:
     from vispeg.learn.policy import Policy
@@ -128,8 +128,13 @@ def failed_starts(trials: Path) -> tuple[Start, ...]:
     Raises:
         UserError: there are none.
     """
-    full_speed = [trial for trial in read_trials(trials) if trial.full_speed]
-    starts = tuple(trial.again() for trial in full_speed if not trial.outcome.success)
+    said = {folder: read_said(folder) for folder in folders(trials)}
+    full_speed = {folder: trial for folder, trial in said.items() if trial.full_speed}
+    starts = tuple(
+        replace(trial.again(), source=folder / FILE)
+        for folder, trial in full_speed.items()
+        if not trial.outcome.success
+    )
     if not starts:
         got = f"{len(full_speed)} at full speed that succeeded"
         raise UserError("no trial failed", file=trials, key="--starts", got=got)

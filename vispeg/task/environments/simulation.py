@@ -173,7 +173,10 @@ class TaskSimulation:
             param = kind.params[axis]
             if not param.low <= value <= param.high:
                 expected = f"within {param.high:g} m of {self.nominal_goal.round(4).tolist()}"
-                raise UserError("a goal out of this cell's range", key="goal", expected=expected, got=start.goal)
+                got = np.asarray(start.goal).tolist()
+                raise UserError(
+                    "a goal out of this cell's range", file=start.source, key="goal", expected=expected, got=got
+                )
         return world.add(EffectInstance.of(kind.name, where, **dict(zip("xyz", map(float, shift), strict=True))))
 
     def _set_stated_angles(
@@ -196,7 +199,10 @@ class TaskSimulation:
                 low, high = self.scene.range.T
                 if stated.shape != q[i].shape or not ((stated >= low) & (stated <= high)).all():
                     expected = f"{len(q[i])} angles within the joints' limits, rad"
-                    raise UserError("not a posture of this arm", key="q", expected=expected, got=stated)
+                    got = stated.tolist()
+                    raise UserError(
+                        "not a posture of this arm", file=starts[row].source, key="q", expected=expected, got=got
+                    )
                 q[i], weight[i] = stated, self.solo.gravity(stated[None])[0]
                 pos[row] = self.seen.chain.pose(stated[None], np.zeros((1, len(stated))))[0][0]
 
