@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import sysconfig
+import threading
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
@@ -286,10 +287,14 @@ class TestOverRos2:
             tmp_path / "o",
         ]
         with arm(python) as robot:
-            going = subprocess.Popen(command, env=environment(), stdout=subprocess.PIPE, text=True)
-            assert "commanded" in robot.stdout.readline()
+            pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+            going = subprocess.Popen(command, env=environment(), **pipes)
+            # a run that ends without a command ends the wait for one
+            threading.Thread(target=lambda: (going.wait(), robot.kill()), daemon=True).start()
+            heard = robot.stdout.readline()
             robot.kill()
             told = going.communicate(timeout=60)[0]
+        assert "commanded" in heard, told
         said = read_said(tmp_path / "o/trial-0001")
         assert said.outcome.category == "watchdog" and "0.25 s" in said.outcome.why and said.outcome.why in told
 
@@ -297,7 +302,7 @@ class TestOverRos2:
         ("published", "driven", "named"),
         [
             ("joints: [a, b, c, d, e, f, g]", "{}", "/joint_states: does not name the arm's joints; expected joint1"),
-            ("{}", "end_effector: {pos_m: [0, 0, 0.1034]}", "103.4 mm and 0.0 degrees from"),
+            ("{}", "end_effector: {pos_m: [0, 0, 0.1034]}", "103.4 mm and 0.0 degrees away from"),
             ("target_pose: elsewhere", "{}", "/target_pose: nobody listens"),
             ("wrench: {topic: force}", "{}", "/wrench: nobody publishes it; expected geometry_msgs/msg/WrenchStamped"),
             (
