@@ -33,7 +33,7 @@ from vispeg.contact.selection.search import ContactSearch
 from vispeg.diagnosis.beginning import Beginning, opened
 from vispeg.diagnosis.compare import Comparison
 from vispeg.diagnosis.conclusion.intervals import of_form, widened
-from vispeg.diagnosis.conclusion.rivals import find_rivals
+from vispeg.diagnosis.conclusion.rivals import rivals_of_each
 from vispeg.diagnosis.conclusion.shares import shares
 from vispeg.diagnosis.conclusion.verdict import decide
 from vispeg.diagnosis.progress import Progress
@@ -114,7 +114,7 @@ def diagnose_contact(
     state = search.run(world, n_fixed)
     shows = search.least
     tool = weighed.tool_instead(search, state, n_fixed)
-    rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
+    rivals = rivals_of_each(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
     errors = judged.errors([world, state.world])
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
     say("simulating impacts")

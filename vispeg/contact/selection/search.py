@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -27,11 +26,16 @@ from vispeg.contact.selection.spare import remove_uncertain, remove_unneeded
 from vispeg.contact.selection.sparse import sparse
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.evidence.localise import MissingTorque
 from vispeg.diagnosis.findings import Gain, Score, Trial
+from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.scale import floors
 from vispeg.diagnosis.selection.accept import equal
-from vispeg.diagnosis.selection.search import Search
+from vispeg.diagnosis.selection.cross import Cross
+from vispeg.diagnosis.selection.judge import Judge
+from vispeg.diagnosis.selection.loop import Loop
+from vispeg.diagnosis.selection.prune import prune
 from vispeg.diagnosis.selection.state import State
+from vispeg.diagnosis.selection.tries import begun, fit_all, try_each
 from vispeg.identify.fit import Fit, Race
 from vispeg.worlds.model_file import model_text, placed_dict
 from vispeg.worlds.world import World
@@ -41,31 +45,39 @@ NONE = -1e300  # gain of a size that changes nothing, finite for JSON
 SCENE = ("contact", "task")  # families of what stands in the cell
 
 
-class ContactSearch(Search):
-    """A search whose candidates are effects of contact, tool and wrench sensor."""
+class ContactSearch(Loop):
+    """A search whose candidates are effects of contact, tool and wrench sensor; see `ContactSearching` for its terms.
+
+    Args:
+        evidence: of the fitted recordings.
+        judge: on the held-out recordings.
+        say: called with progress messages.
+        progress: caches answers.
+
+    Attributes:
+        given: the model from which the search started.
+        n_fixed: number of given effects of a world; None (all) until a search starts.
+        lately: latest fits of `reduced` with the present effects, by label.
+    """
 
     evidence: ContactEvidence
-    given: World = World()  # the model from which the search started
-    n_fixed: int | None = None  # number of given effects of a world; None (all) until a search starts
 
-    @property
-    def few(self) -> int:
-        """A number that is never reached: the whole library is always screened for competitors."""
-        return 99
-
-    @cached_property
-    def lately(self) -> dict[str, Fit]:
-        """Latest fits of `reduced` with the present effects, by label."""
-        return {}
+    def __init__(
+        self,
+        evidence: ContactEvidence,
+        judge: Judge,
+        say: Callable[[str], None] = lambda _: None,
+        progress: Progress | None = None,
+    ):
+        self.evidence, self.judge, self.say = evidence, judge, say
+        self.progress, self.cross = progress or Progress(), Cross(Judge(evidence))
+        self.given, self.n_fixed = World(), None
+        self.lately: dict[str, Fit] = {}
 
     @property
     def least(self) -> Mapping[tuple[str, str], Mapping[str, float]]:
         """(effect, place) -> parameter -> minimum detectable size added to the given model; simulated once."""
         return least_sizes(self, self.given)
-
-    def missing(self, world: World) -> list[MissingTorque]:
-        """Return nothing: joint torques are not used."""
-        return []
 
     def need(self, state_cost: float = 1.0, count: int = 1, level: float | None = None) -> float:
         """Return the drop of the squared residual that `count` parameters of an absent effect hardly ever reach.
@@ -98,14 +110,6 @@ class ContactSearch(Search):
             self.evidence.correlated * self.evidence.variance(cost) * quantile, RULES.chatter * self.evidence.rough
         )
 
-    def worth_it(self, state: State, n_fixed: int) -> bool:
-        """Return whether the search may add an effect: until there are `most_effects`, even at the noise floor.
-
-        The floors include errors that a good sensor does not have, so a residual below them may still show an effect.
-        An uncertain effect is refused in `offers`.
-        """
-        return len(state.world.effects) - n_fixed < self.evidence.most_effects
-
     def start(self, world: World, n_fixed: int | None = None) -> State:
         """Return the state at the start, as for joints; effects after the first `n_fixed` are refitted in screening.
 
@@ -115,17 +119,22 @@ class ContactSearch(Search):
         for e in world.effects[self.n_fixed :]:
             kind = effect(e.effect)
             self.evidence.absent |= {(kind.name, k) for k, v in e.params.items() if v.value == kind.params[k].null}
-        return super().start(world, n_fixed)
+        return begun(self, world, n_fixed)
 
     def ways(self, state: State, n_fixed: int) -> Sequence[Callable[[State, int], bool]]:
-        """Return the moves: adding an effect, if worth it, and the conclusion.
+        """Return the moves: adding an effect, even at the noise floor, as long as few were added; then the conclusion.
 
-        Revisions and exchanges of joint effects have nothing to act on here, and rivals are named beside an effect of
-        contact and do not replace it.
+        The floors include errors that a good sensor does not have, so a residual below them may still show an effect.
         """
-        if state.concluded:
-            return ()
-        return (self.advance, self._conclude) if self.worth_it(state, n_fixed) else (self._conclude,)
+        return () if state.concluded else (*super().ways(state, n_fixed), self._conclude)
+
+    def announce(self, state: State) -> None:
+        """Report the model and its held-out error."""
+        self.say(f"{state.world.label}: held-out {floors(self.judge.mean(state.loss))} x noise; screening")
+
+    def settle(self, state: State, trial: Trial, n_fixed: int) -> None:
+        """Remove effects that the added ones made superfluous."""
+        prune(self, state, n_fixed)
 
     def _conclude(self, state: State, n_fixed: int) -> bool:
         """Remove effects that the others make superfluous or that may be absent; return whether any was fitted.
@@ -170,16 +179,27 @@ class ContactSearch(Search):
         Other fits reuse none, because contacts begin and end when another effect is added.
         """
         if races is None or columns is None or all(c is None for c in columns):
-            return super().fits(worlds, n_fixed, races=races, iterations=min(iterations, 6))
-        return super().fits(worlds, n_fixed, races=races, iterations=SHORT, columns=columns)
+            columns, iterations = None, min(iterations, 6)
+        else:
+            iterations = SHORT
+        return fit_all(
+            self.evidence, self.progress, worlds, n_fixed, races=races, iterations=iterations, columns=columns
+        )
 
     def reduced(
         self, worlds: Sequence[World], n_fixed: int, columns: Sequence[np.ndarray | None] | None = None
     ) -> list[Fit]:
         """Fit as for joints; cached, because the search for competing models reuses the fits of `remove_unneeded`."""
         if any(w.label not in self.lately for w in worlds):
-            self.lately = dict(zip((w.label for w in worlds), super().reduced(worlds, n_fixed), strict=True))
+            fits = self.fits(worlds, n_fixed, iterations=5)
+            self.lately = dict(zip((w.label for w in worlds), fits, strict=True))
         return [self.lately[w.label] for w in worlds]
+
+    def try_all(
+        self, state: State, scores: Sequence[Score], n_fixed: int, tested: int, goal: float | None = None
+    ) -> list[Trial]:
+        """Fit and judge candidates, as `tries.try_each`."""
+        return try_each(self, [(state, scores, tested)], n_fixed, goal)[0]
 
     def offers(self, state: State, n_fixed: int) -> list[Trial]:
         """Screen the library, fit the best effects and, if none of them reaches the floor, their pairs."""
@@ -337,9 +357,6 @@ class ContactSearch(Search):
         free = self.free(world)
         asked = ["contact gain", model_text(world), placed_dict(placed), list(free)]
         return self.progress.recall(asked, lambda: Screen(self.evidence, world, free).gain(placed))
-
-    def _grow(self, state: State, placed: EffectInstance, n_fixed: int) -> None:
-        """Do nothing: no effect of contact contains another one."""
 
 
 def _fitted(trial: Trial) -> EffectInstance:

@@ -9,13 +9,13 @@ import numpy as np
 
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.selection.screen import Probe
-from vispeg.diagnosis.selection.searching import Searching
+from vispeg.diagnosis.selection.searching import Fitting
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.fit import Fit
 from vispeg.worlds.world import World
 
 
-class ContactSearching(Searching, Protocol):
+class ContactSearching(Fitting, Protocol):
     """A search over recordings of contact, with its judge."""
 
     @property

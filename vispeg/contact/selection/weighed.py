@@ -8,12 +8,11 @@ parameters of manipulator loads and links, Int. J. Robotics Research 5(3).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import mujoco
 import numpy as np
 
 from vispeg.contact.selection.profile import place_of
+from vispeg.contact.selection.searching import ContactSearching
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.findings import Verdict
 from vispeg.diagnosis.schema import FoundEffect, NextMotion, Place
@@ -22,13 +21,10 @@ from vispeg.diagnosis.selection.state import State
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
 
-if TYPE_CHECKING:
-    from vispeg.contact.selection.search import ContactSearch
-
 PART_MASS, TOOL_MASS, TOOL_CENTRE = "object_mass", "tool_mass", "tool_com"  # names of effects
 
 
-def tool_instead(search: ContactSearch, state: State, n_fixed: int) -> tuple[EffectInstance, ...]:
+def tool_instead(search: ContactSearching, state: State, n_fixed: int) -> tuple[EffectInstance, ...]:
     """Return the part's mass that a search added, followed by the tool's mass and centre that explain as much.
 
     Empty if the search did not add the part's mass, if the model has the tool's mass as well, or if the held-out

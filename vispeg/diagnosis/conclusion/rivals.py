@@ -19,7 +19,7 @@ from vispeg.diagnosis.findings import Rivals, Score, Trial
 from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.prune import prune
-from vispeg.diagnosis.selection.searching import Searching
+from vispeg.diagnosis.selection.searching import Fitting, Searching
 from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.selection.together import prior
 from vispeg.identify.fit import Fit, Race
@@ -64,13 +64,17 @@ def _better(search: Searching, state: State, rival: Trial, label: str) -> bool:
 
 
 def find_rivals(search: Searching, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
-    """Find the rivals of every accepted effect, with all other effects kept and refitted.
+    """Find the rivals of every accepted effect of joints, as `rivals_of_each`; of many the linear model proposes them.
 
-    Up to `few` effects, the whole library is screened for each; above, the linear model proposes the rivals.
+    Up to `rivals_full` effects, the whole library is screened for each.
     """
+    few = len(state.world.effects) - n_fixed <= RULES.rivals_full
+    return (rivals_of_each if few else _proposed)(search, state, n_fixed, say)
+
+
+def rivals_of_each(search: Fitting, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
+    """Find the rivals of every accepted effect, with all other effects kept and refitted, by screening the library."""
     chosen = state.world.effects[n_fixed:]
-    if len(chosen) > search.few:
-        return _proposed(search, state, n_fixed, say)
     out = []
     for placed in chosen:
         step = _tried(search, state, placed, len(chosen))
@@ -86,7 +90,7 @@ def find_rivals(search: Searching, state: State, n_fixed: int, say: Callable[[st
     return out
 
 
-def _tried(search: Searching, state: State, placed: EffectInstance, count: int) -> tuple[Trial, list[Trial]] | None:
+def _tried(search: Fitting, state: State, placed: EffectInstance, count: int) -> tuple[Trial, list[Trial]] | None:
     """Return the step of the search in which the rivals of an effect were tried already; None if they must be tried.
 
     `count` is the number of accepted effects. If the model's form leaves correlated errors (`Evidence.alike`), rivals
@@ -96,7 +100,7 @@ def _tried(search: Searching, state: State, placed: EffectInstance, count: int) 
     return state.step_that_added(placed, grouped=single) if single or search.evidence.alike == 0 else None
 
 
-def _goal(search: Searching, state: State) -> float | None:
+def _goal(search: Fitting, state: State) -> float | None:
     """Return the mean squared residual that a rival's fit must be able to reach, else it stops early.
 
     Beyond it, it would be far behind that of the accepted effect. None, for no early stop, if nothing is fitted, or if
@@ -149,7 +153,7 @@ def _beyond(search: Searching, state: State) -> set[str]:
     return {ALL, search.evidence.items[0].robot.joints[worst]}
 
 
-def _without(search: Searching, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> list[State]:
+def _without(search: Fitting, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> list[State]:
     """Return for each of these effects the state without it, the others refitted with their previous derivatives."""
     worlds = [state.world.without(e.effect, e.where) for e in gone]
     fits: list[Fit | None] = [None] * len(gone)
@@ -190,7 +194,7 @@ def _parts(label: str) -> tuple[str, str]:
     return name, where
 
 
-def _compare(search: Searching, state: State, label: str, trials: list[Trial], without: float) -> Rivals:
+def _compare(search: Fitting, state: State, label: str, trials: list[Trial], without: float) -> Rivals:
     """Return the rivals of the effect `label` among trials in its place; groups are none.
 
     `without` is the held-out mean squared residual without the effect.

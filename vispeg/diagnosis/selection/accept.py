@@ -17,7 +17,7 @@ from vispeg.diagnosis.evidence.signatures import at_bound
 from vispeg.diagnosis.findings import Trial
 from vispeg.diagnosis.selection.bic import bic_gain
 from vispeg.diagnosis.selection.judge import Judge, parameters
-from vispeg.diagnosis.selection.searching import Testing
+from vispeg.diagnosis.selection.searching import ShareTesting, Testing
 from vispeg.diagnosis.selection.state import State, without
 
 
@@ -33,7 +33,7 @@ def ranked(search: Testing, state: State, trials: list[Trial], tested: int) -> l
     return in_order(search.judge, state, out)
 
 
-def refusal(search: Testing, state: State, t: Trial, level: float, absent: bool) -> str:
+def refusal(search: ShareTesting, state: State, t: Trial, level: float, absent: bool) -> str:
     """Return why a trial fails a criterion, "" if it passes.
 
     `level` is the required standard errors of its gain, `absent` whether none of its effects is clearly present.

@@ -27,8 +27,9 @@ from vispeg.diagnosis.selection.judge import Judge, present
 from vispeg.diagnosis.selection.loop import Loop
 from vispeg.diagnosis.selection.shown import Shown
 from vispeg.diagnosis.selection.state import State
+from vispeg.diagnosis.selection.tries import End, recalled
 from vispeg.identify.fit import Fit, fit_job
-from vispeg.identify.pool import Submit, run_together
+from vispeg.identify.pool import Submit
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
@@ -183,26 +184,20 @@ class PlainSearch(Loop, Shown):
 
     def fits(self, worlds: Sequence[World], n_fixed: int, evidence: Any = None) -> list[Fit]:
         """Fit all but the first `n_fixed` effects of each world; the results are cached."""
-        chosen, fresh = self.evidence if evidence is None else evidence, list[Fit]()
+        chosen = self.evidence if evidence is None else evidence
         if not worlds:
             return []
-
-        def work_out() -> list:
-            jobs = [self.job(chosen, w, n_fixed) for w in worlds]
-            fresh.extend(run_together(jobs, chosen.residuals, length=chosen.length))
-            return [[f.u.tolist(), f.converged] for f in fresh]
-
         which = hashlib.sha256(
             chosen.residuals(worlds[:1])[0].tobytes()
         ).hexdigest()  # other evidence has the same worlds
         question = [self.asks, which, [model_text(w) for w in worlds], n_fixed, *map(list, sorted(chosen.held))]
-        ends = self.progress.recall(question, work_out)
-        again = [self.job(chosen, w, n_fixed, (u, bool(c))) for w, (u, c) in zip(worlds, ends, strict=True)]
-        return fresh or run_together(again, chosen.residuals, length=chosen.length)
 
-    def job(
-        self, evidence: Any, world: World, n_fixed: int, ended: tuple[Sequence[float], bool] | None = None
-    ) -> Callable[[Submit], Fit]:
+        def job(k: int, ended: End | None) -> Callable[[Submit], Fit]:
+            return self.job(chosen, worlds[k], n_fixed, ended)
+
+        return recalled(chosen, self.progress, question, len(worlds), job)
+
+    def job(self, evidence: Any, world: World, n_fixed: int, ended: End | None = None) -> Callable[[Submit], Fit]:
         """Return the job of a fit of all but the first `n_fixed` effects; `ended` as in `fit_job`."""
         return fit_job(evidence, world, range(n_fixed, len(world.effects)), iterations=12, ended=ended)
 

@@ -15,7 +15,7 @@ from vispeg.diagnosis.evidence.screen import candidates, groups, shortlist
 from vispeg.diagnosis.findings import Score, Trial
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.scale import floors
-from vispeg.diagnosis.selection.accept import in_order, passes, ranked
+from vispeg.diagnosis.selection.accept import in_order, passes
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.law import grow, refined
 from vispeg.diagnosis.selection.loop import Loop
@@ -24,11 +24,9 @@ from vispeg.diagnosis.selection.proposals import Proposals
 from vispeg.diagnosis.selection.prune import prune
 from vispeg.diagnosis.selection.shown import Shown
 from vispeg.diagnosis.selection.state import State, without
+from vispeg.diagnosis.selection.tries import begun, fit_all, try_each
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.fit import Chase, Fit, Race, fit_job
-from vispeg.identify.loops.noise_motion import within_noise
-from vispeg.identify.pool import run_together
-from vispeg.worlds.model_file import model_text
+from vispeg.identify.fit import Fit, Race
 from vispeg.worlds.world import World
 
 
@@ -44,7 +42,7 @@ class Search(Loop, Shown, Proposals):
             of the first step.
 
     Attributes:
-        least_share: see `Testing`.
+        least_share: see `ShareTesting`.
     """
 
     def __init__(
@@ -58,11 +56,6 @@ class Search(Loop, Shown, Proposals):
         super().__init__(evidence, judge, progress or Progress())
         self.say, self.proposed = say, proposed
         self.least_share = RULES.later
-
-    @property
-    def few(self) -> int:
-        """Largest number of effects for which the whole library is screened for competitors of each."""
-        return RULES.rivals_full
 
     def ways(self, state: State, n_fixed: int) -> Sequence[Callable[[State, int], bool]]:
         """Return the moves: adding an effect and revisions, if worth it; then exchanges, and rivals as replacements."""
@@ -98,24 +91,8 @@ class Search(Loop, Shown, Proposals):
         return replaced(self, state, n_fixed)
 
     def start(self, world: World, n_fixed: int | None = None) -> State:
-        """Return the state at which a search begins; effects of `world` after the first `n_fixed` are refitted.
-
-        If `n_fixed` is None, none is refitted.
-        """
-        residual, loss = self.evidence.residuals([world])[0], self.judge.losses([world])[0]
-        noise_alone = within_noise(self.judge.evidence, world)
-        state = State(world, loss, residual, first=self.judge.mean(loss), within_noise=noise_alone)
-        if n_fixed is not None and n_fixed < len(world.effects):
-            self.say(f"fitting {len(world.effects) - n_fixed} partial effects of the model anew")
-            # one iteration evaluates the given values, which are kept if the held-out recordings prefer them
-            fits = self.fits([world], n_fixed) + self.fits([world], n_fixed, iterations=1)
-            losses = self.judge.losses([f.world for f in fits])
-            fit, loss = min(zip(fits, losses, strict=True), key=lambda p: float(p[1].sum()))
-            state.take(fit, loss)
-            state.opened, state.cross = fit.world, self.cross.loss_of(fit, fit.residual)
-            return state
-        state.cross = self.cross.loss(residual)
-        return state
+        """Return the state at which a search begins, as `begun`."""
+        return begun(self, world, n_fixed)
 
     def announce(self, state: State) -> None:
         """Report the model and its held-out error."""
@@ -263,41 +240,14 @@ class Search(Loop, Shown, Proposals):
     def try_all(
         self, state: State, scores: Sequence[Score], n_fixed: int, tested: int, goal: float | None = None
     ) -> list[Trial]:
-        """Fit each score's effects jointly with the accepted ones, and judge all on the held-out recordings.
-
-        Those that pass come first. For `tested` and `goal` see `try_each`.
-        """
+        """Fit and judge the candidates of one state, as `tries.try_each`."""
         return self.try_each([(state, scores, tested)], n_fixed, goal)[0]
 
     def try_each(
         self, tries: Sequence[tuple[State, Sequence[Score], int]], n_fixed: int, goal: float | None = None
     ) -> list[list[Trial]]:
-        """Try the candidates of several (state, scores, number of places that share the level of the test).
-
-        All are fitted in one batch, since a rollout of many rows costs little more than one of a few. Those of a state
-        stop when another is far ahead. With a `goal`, a mean squared residual, each stops instead when it cannot reach
-        it.
-        """
-        flat = [(state, s) for state, scores, _ in tries for s in scores]
-        if not flat:
-            return [[] for _ in tries]
-        worlds = [without(state.world, s.out).add(*s.members) for state, s in flat]
-        self.say(f"fitting {', '.join(dict.fromkeys(s.label for _, s in flat))}")
-        races: list[Race] = []
-        for _, scores, _ in tries:
-            shared = Race()
-            races += [shared if goal is None else Chase(goal) for _ in scores]
-        fits = self.fits(worlds, n_fixed, races=races, columns=[state.derivatives(s.out) for state, s in flat])
-        trials = []
-        for (state, s), f, loss in zip(flat, fits, self.judge.losses([f.world for f in fits]), strict=True):
-            crossed = state.cross, self.cross.loss_of(f, f.residual)
-            trials.append(Trial(s, f, loss, self.judge.gain(state.loss, loss, crossed)))
-        out, at = [], 0
-        for state, scores, tested in tries:
-            ordered = ranked(self, state, trials[at : at + len(scores)], tested)
-            out.append([t.bare if t.rejected else t for t in ordered])
-            at += len(scores)
-        return out
+        """Fit and judge the candidates of several states in one batch, as `tries.try_each`."""
+        return try_each(self, tries, n_fixed, goal)
 
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
         """Return possible replacements of an effect that `state` lacks, best first, and the number screened."""
@@ -316,36 +266,10 @@ class Search(Loop, Shown, Proposals):
         iterations: int = 8,
         columns: Sequence[np.ndarray | None] | None = None,
     ) -> list[Fit]:
-        """Fit all but the first `n_fixed` effects of each world; arguments are as in `Searching.fits`.
-
-        The end points are stored in the progress; a resumed diagnosis only evaluates the fits there.
-        """
-        fresh: list[Fit] = []
-        constant = [None] * len(worlds) if columns is None else list(columns)
-        raced = [None] * len(worlds) if races is None else list(races)
-
-        def job(k: int, ended: tuple[Sequence[float], bool] | None = None):
-            free = range(n_fixed, len(worlds[k].effects))
-            options = {"race": raced[k], "iterations": iterations, "ended": ended, "columns": constant[k]}
-            return fit_job(self.evidence, worlds[k], free, **options)
-
-        def turn() -> None:
-            for race in raced:
-                if race is not None:
-                    race.turn()
-
-        def work_out() -> list:
-            jobs = [job(k) for k in range(len(worlds))]
-            fresh.extend(run_together(jobs, self.evidence.residuals, turn=turn, length=self.evidence.length))
-            return [[f.u.tolist(), f.converged] for f in fresh]
-
-        widths = [None if c is None else c.shape[1] for c in constant]
-        question = ["fits", [model_text(w) for w in worlds], n_fixed, races is not None, iterations, widths]
-        ends = self.progress.recall(question, work_out)
-        if fresh:
-            return fresh
-        again = [job(k, (u, bool(converged))) for k, (u, converged) in enumerate(ends)]
-        return run_together(again, self.evidence.residuals, length=self.evidence.length)
+        """Fit all but the first `n_fixed` effects of each world; arguments are as in `Fitting.fits`."""
+        return fit_all(
+            self.evidence, self.progress, worlds, n_fixed, races=races, iterations=iterations, columns=columns
+        )
 
     def reduced(
         self, worlds: Sequence[World], n_fixed: int, columns: Sequence[np.ndarray | None] | None = None

@@ -38,17 +38,8 @@ class Testing(Protocol):
         """Fitted evidence."""
         ...
 
-    @property
-    def least_share(self) -> float:
-        """Share of what an accepted effect typically removed (`State.scale`) that a later one must remove."""
-        ...
-
     def shows(self, state: State, trial: Trial) -> bool:
         """Return whether an effect that a trial adds is present: its interval excludes null."""
-        ...
-
-    def holds(self, state: State, trial: Trial) -> bool:
-        """Return whether a trial's effects show in the held-out recordings alone."""
         ...
 
     def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
@@ -63,8 +54,21 @@ class Testing(Protocol):
         ...
 
 
-class Searching(Testing, Protocol):
-    """A search over the fitted recordings, with its judge.
+class ShareTesting(Testing, Protocol):
+    """The tests of a search in which an effect must remove a share of the error."""
+
+    @property
+    def least_share(self) -> float:
+        """Share of what an accepted effect typically removed (`State.scale`) that a later one must remove."""
+        ...
+
+    def holds(self, state: State, trial: Trial) -> bool:
+        """Return whether a trial's effects show in the held-out recordings alone."""
+        ...
+
+
+class Fitting(Testing, Protocol):
+    """A search that fits candidates on the fitted recordings.
 
     Attributes:
         cross: losses of the fitted recordings, each predicted from the others.
@@ -76,21 +80,8 @@ class Searching(Testing, Protocol):
     progress: Progress
     say: Callable[[str], None]
 
-    @property
-    def few(self) -> int:
-        """Largest number of accepted effects for which the whole library is screened for rivals of each."""
-        ...
-
-    def missing(self, world: World) -> list[MissingTorque]:
-        """Return the missing torque of every fitted item under a world."""
-        ...
-
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
         """Return candidates in place of `placed`, which the state lacks, best first, and the number screened."""
-        ...
-
-    def exchanges(self, state: State) -> list[Exchange]:
-        """Return for each fitted effect what its removal costs, and what may replace it."""
         ...
 
     def tested(self, state: State) -> int:
@@ -104,12 +95,6 @@ class Searching(Testing, Protocol):
 
         `tested` places share the level of the test. A fit stops if it cannot reach the mean squared residual `goal`.
         """
-        ...
-
-    def try_each(
-        self, tries: Sequence[tuple[State, Sequence[Score], int]], n_fixed: int, goal: float | None = None
-    ) -> list[list[Trial]]:
-        """Fit and judge the candidates of several (state, scores, tested) in one batch, as `try_all` does for one."""
         ...
 
     def fits(
@@ -137,6 +122,24 @@ class Searching(Testing, Protocol):
         self, worlds: Sequence[World], n_fixed: int, columns: Sequence[np.ndarray | None] | None = None
     ) -> list[Fit]:
         """Fit worlds that each lack one of the accepted effects; `columns` are as in `fits`."""
+        ...
+
+
+class Searching(Fitting, ShareTesting, Protocol):
+    """A search over recordings of joints, with its judge."""
+
+    def missing(self, world: World) -> list[MissingTorque]:
+        """Return the missing torque of every fitted item under a world."""
+        ...
+
+    def exchanges(self, state: State) -> list[Exchange]:
+        """Return for each fitted effect what its removal costs, and what may replace it."""
+        ...
+
+    def try_each(
+        self, tries: Sequence[tuple[State, Sequence[Score], int]], n_fixed: int, goal: float | None = None
+    ) -> list[list[Trial]]:
+        """Fit and judge the candidates of several (state, scores, tested) in one batch, as `try_all` does for one."""
         ...
 
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:

@@ -9,7 +9,7 @@ from vispeg.diagnosis.findings import Gain, Trial
 from vispeg.diagnosis.selection.accept import refusal
 from vispeg.diagnosis.selection.judge import Judge, adds
 from vispeg.diagnosis.selection.prune import needed
-from vispeg.diagnosis.selection.searching import Testing
+from vispeg.diagnosis.selection.searching import ShareTesting
 from vispeg.diagnosis.selection.state import State
 
 
@@ -33,8 +33,8 @@ class Shown:
 
     def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
         """Return why a fitted trial must be refused; "" if it passes; see `accept.refusal`."""
-        return refusal(cast("Testing", self), state, trial, level, absent)
+        return refusal(cast("ShareTesting", self), state, trial, level, absent)
 
     def needed(self, state: State, index: int, gain: Gain) -> bool:
         """Return whether the held-out recordings need the effect at `index`, which lowers their error by `gain`."""
-        return needed(cast("Testing", self), state, index, gain)
+        return needed(cast("ShareTesting", self), state, index, gain)
