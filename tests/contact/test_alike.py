@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from straight import Straight, search
 
-from vispeg.contact.selection.alike import confusable, free_lacking, lacking, refitted
+from vispeg.contact.selection.alike import free_lacking, lacking, refitted
 from vispeg.contact.selection.profile import looked_for
-from vispeg.core.effect import EffectInstance
+from vispeg.core.effect import REGISTRY, EffectInstance, effect, told_apart_by
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.findings import Gain, Score, Trial
 from vispeg.diagnosis.selection.state import State
@@ -44,10 +44,13 @@ def test_only_the_parameters_that_a_rival_lacks_are_freed():
     assert not free_lacking(searching, FIXTURE, grasp(x=4e-5, y=4e-5))
 
 
-def test_effects_are_confusable_both_ways():
-    kinds = [kind.name for kind in looked_for()]
-    assert confusable("fixture_compliance", "peg_grasp_compliance")
-    assert all(confusable(a, b) == confusable(b, a) for a in kinds for b in kinds)
+def test_a_motion_that_tells_two_effects_apart_is_declared_by_one_of_them_for_both():
+    kinds = [*(kind.name for kind in looked_for()), "camera_offset", "camera_delay", "encoder_offset", "focal_error"]
+    assert told_apart_by("fixture_compliance", "peg_grasp_compliance") == ["insert-turned"]
+    assert told_apart_by("camera_offset", "focal_error") == [effect("focal_error").told_from["camera_offset"]]
+    assert all(told_apart_by(a, b) == told_apart_by(b, a)[::-1] for a in kinds for b in kinds)
+    declared = [other for kind in REGISTRY.values() for other in kind.told_from]
+    assert all(name in REGISTRY for name in declared)
 
 
 @pytest.mark.parametrize("tried", [True, False])

@@ -25,9 +25,9 @@ from vispeg.diagnosis.pictures.spread import of_form, widened
 from vispeg.diagnosis.pictures.verdict import decide
 from vispeg.identify.fit import Fit
 from vispeg.identify.motions.look_motion import look_motion
-from vispeg.identify.pictures.nuisance import Whitener
 from vispeg.identify.pictures.scatter import robots
 from vispeg.identify.space import Space
+from vispeg.identify.whitener import Whitener
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.recording import Control, Recording
 from vispeg.vision.photograph import photograph

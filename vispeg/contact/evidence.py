@@ -20,6 +20,7 @@ from vispeg.contact.sensor import trusted
 from vispeg.contact.thin import driven_blocks, part, pieces
 from vispeg.contact.torques import notes
 from vispeg.core.effect import Effect
+from vispeg.core.robust import huber
 from vispeg.core.rules import RULES
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.checks import missing
@@ -161,7 +162,7 @@ class ContactEvidence(Evidence):
         """Return for each item the residual (m, 6) of a world, whitened by the covariance of nuisances."""
         parts = [self.whiten(item, y) for item, y in zip(self.items, predicted, strict=True)]
         errors = self.nuisance_in_part if in_part else self.nuisance
-        flat = _huber(errors.whitened(np.concatenate([p.ravel() for p in parts])))
+        flat = huber(errors.whitened(np.concatenate([p.ravel() for p in parts])), RULES.contact_far)
         ends = np.cumsum([p.size for p in parts])[:-1]
         return [r.reshape(p.shape) for r, p in zip(np.split(flat, ends), parts, strict=True)]
 
@@ -172,7 +173,7 @@ class ContactEvidence(Evidence):
 
     def as_read(self, world: World) -> float:
         """Return the squared residual in floors, before nuisances are removed."""
-        return float(np.sum(_huber(self._as_read(world)) ** 2))
+        return float(np.sum(huber(self._as_read(world), RULES.contact_far) ** 2))
 
     def taken(self, world: World) -> dict[str, float]:
         """Return for each nuisance (error that is allowed for) the share of the squared residual that it explains."""
@@ -234,13 +235,3 @@ class ContactEvidence(Evidence):
     def floor(self) -> float:
         """RMS floor of the force, N."""
         return float(np.sqrt(np.mean(self.floors[:3] ** 2)))
-
-
-def _huber(residual: np.ndarray) -> np.ndarray:
-    """Return whitened residuals whose squares grow linearly beyond `contact_far`."""
-    size = np.abs(residual)
-    return np.where(
-        size > RULES.contact_far,
-        np.sign(residual) * np.sqrt(RULES.contact_far * np.maximum(2 * size - RULES.contact_far, 0.0)),
-        residual,
-    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from itertools import combinations
 
-from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.effect import EffectInstance, effect, told_apart_by
 from vispeg.diagnosis.findings import Rivals
 from vispeg.diagnosis.schema import NextMotion, NotExcited
 from vispeg.worlds.world import World
@@ -76,9 +76,8 @@ def apart(chosen: EffectInstance, other: str) -> list[str]:
 
     Effects declare them: `told_from` by the other effect, `told_by` by the largest parameter (see `Effect`).
     """
-    kind = effect(chosen.effect)
-    by_kind = [kind.told_from.get(other), effect(other).told_from.get(chosen.effect)]
-    if not any(by_kind):  # `told_by` only refines `told_from`
+    kind, by_kind = effect(chosen.effect), told_apart_by(chosen.effect, other)
+    if not by_kind:  # `told_by` only refines `told_from`
         return []
     sizes = {k: abs(kind.params[k].start - kind.params[k].null) or 1.0 for k in chosen.params}
     away = {k: abs(v.value - kind.params[k].null) / sizes[k] for k, v in chosen.params.items()}

@@ -97,12 +97,7 @@ def phase_errors(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> li
 
 def worst_left(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str, object]:
     """Return the block with the largest force residual of the last world: recording, s, N, phase, tip from goal, m."""
-    worst = (-1.0, 0, 0)
-    for r, (item, y) in enumerate(zip(judged.items, predicted, strict=True)):
-        size = (judged.whiten(item, y[-1])[:, :3] ** 2).sum(axis=1)
-        k = int(np.argmax(np.where(item.phase.resting | _leaving(item.phase.code), -1.0, size)))
-        worst = max(worst, (float(size[k]), r, k))
-    _, r, k = worst
+    r, k = _worst(judged, [y[-1] for y in predicted], 3)
     item = judged.items[r]
     off = (item.measured - predicted[r][-1])[k, :3]
     tip = tips(item.path, item.source.scene)[item.phase.rows(item.path.time)[k]]
@@ -123,17 +118,25 @@ def _root(parts: Sequence[np.ndarray]) -> float:
 def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
     """Return measured and predicted wrenches, their phases, and the moment with the given model's largest residual."""
     drawn = traces(judged.items, predicted, [item.phase.code for item in judged.items])
-    out, worst = arrays_of(drawn, COLUMNS[:3], NAMES), (-1.0, 0, 0)
-    for r, (item, y) in enumerate(zip(judged.items, predicted, strict=True)):
-        size = (judged.whiten(item, y[0]) ** 2).sum(axis=1)
-        k = int(np.argmax(np.where(item.phase.resting | _leaving(item.phase.code), -1.0, size)))
-        worst = max(worst, (float(size[k]), r, k))
-    item = judged.items[worst[1]]
-    seconds, name = item.segment.time[worst[2]], NAMES[item.phase.code[worst[2]]]
-    out["worst/moment"] = np.array(f"{item.name} at {seconds:.1f} s, {name}")
-    rec, row = item.recording, item.segment.rows[worst[2]]
+    out, (r, k) = arrays_of(drawn, COLUMNS[:3], NAMES), _worst(judged, [y[0] for y in predicted], len(COLUMNS))
+    item = judged.items[r]
+    out["worst/moment"] = np.array(f"{item.name} at {item.segment.time[k]:.1f} s, {NAMES[item.phase.code[k]]}")
+    rec, row = item.recording, item.segment.rows[k]
     out["worst/recording"], out["worst/q"] = np.array(item.name), bridged(rec.time, rec.q, rec.episode)[row]
     return out
+
+
+def _worst(judged: ContactEvidence, predicted: Sequence[np.ndarray], columns: int) -> tuple[int, int]:
+    """Return item and block of a world's largest residual in the first columns, among blocks in contact.
+
+    `predicted` (m, 6) is one world's wrench for each item.
+    """
+    found = []
+    for r, (item, y) in enumerate(zip(judged.items, predicted, strict=True)):
+        size = (judged.whiten(item, y)[:, :columns] ** 2).sum(axis=1)
+        k = int(np.argmax(np.where(item.phase.resting | _leaving(item.phase.code), -1.0, size)))
+        found.append((float(size[k]), r, k))
+    return max(found)[1:]
 
 
 def _leaving(code: np.ndarray) -> np.ndarray:

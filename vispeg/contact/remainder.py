@@ -14,7 +14,7 @@ import numpy as np
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.phases import NAMES
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.findings import Verdict
+from vispeg.diagnosis.findings import Verdict, left_unexplained
 from vispeg.diagnosis.scale import floors
 from vispeg.worlds.world import World
 
@@ -64,4 +64,4 @@ def judged(verdict: Verdict, rests: Sequence[Rest]) -> Verdict:
         f"the sensor's zero and the path nor a known effect explain ({worst.blocks} {where} blocks; up to "
         f"{floors(worst.bar)} × may be chance or the contact law's own error)"
     )
-    return Verdict("unexplained", text, {"depends_on": [], "text": text}, partial=True)
+    return left_unexplained(text)

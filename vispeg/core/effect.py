@@ -48,7 +48,7 @@ class Effect(ABC):
         beside: parameters that matter only if one with `sizes` differs from its null; they are fitted along with it.
         posed: True if it is the pose of a part. Small errors of the arm's kinematics look like a change of that pose.
         remembers: True if it leaves a lasting change, so that a part of a recording alone does not show it.
-        shown_by: contact motions (`vispeg record`) that excite it; empty for any.
+        shown_by: motions of contact or of a camera (`vispeg record`) that excite it; empty for any.
         told_from: effects with which it may be confused -> the motion that distinguishes it from each.
         told_by: parameter -> the motion that distinguishes it in place of those of `told_from`, if this parameter is
             the largest.
@@ -357,3 +357,9 @@ class EffectInstance:
         """Return a copy with other values; their intervals are dropped."""
         params = {**self.params, **{k: Value(float(v)) for k, v in values.items()}}
         return EffectInstance(self.effect, self.where, params)
+
+
+def told_apart_by(name: str, other: str) -> list[str]:
+    """Return the motions that distinguish two kinds of effect, as they declare them (`told_from`); none if neither."""
+    motions = (effect(name).told_from.get(other), effect(other).told_from.get(name))
+    return [motion for motion in motions if motion]

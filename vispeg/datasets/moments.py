@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.core.robust import spread
 from vispeg.core.seeds import stream
 from vispeg.datasets.formats.models import Mesh
 from vispeg.render.cameras.camera import Camera
@@ -100,8 +101,7 @@ def late(seen: Seen) -> tuple[np.ndarray, float, float]:
 def _spread(values: np.ndarray) -> tuple[float, float]:
     """Return median and scaled median absolute deviation (1 standard deviation if normal) of the finite values."""
     values = values[np.isfinite(values)]
-    middle = float(np.median(values))
-    return middle, 1.4826 * float(np.median(np.abs(values - middle)))
+    return float(np.median(values)), spread(values)
 
 
 def sampled(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:

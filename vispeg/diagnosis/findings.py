@@ -7,7 +7,9 @@ it are its equals. A whitened residual is an error divided by its noise.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -129,3 +131,15 @@ class Verdict:
     reason: str
     unexplained: dict | None = None
     partial: bool = False  # the accepted effects are valid, but part of the error remains
+
+
+def left_unexplained(text: str, on: Sequence[Mapping] = (), **more: Any) -> Verdict:
+    """Return the verdict `unexplained` with its reason, the inputs that the remaining error depends on, and more."""
+    return Verdict("unexplained", text, {"depends_on": list(on), "text": text, **more}, partial=True)
+
+
+def made_ambiguous(verdict: Verdict, text: str) -> Verdict:
+    """Return `identified` as `ambiguous` for the reason `text`, if there is one; other verdicts stay."""
+    if verdict.verdict != "identified" or not text:
+        return verdict
+    return Verdict("ambiguous", text, partial=verdict.partial)

@@ -18,6 +18,7 @@ import numpy as np
 
 from vispeg.core.effect import REGISTRY, Effect
 from vispeg.core.errors import UserError
+from vispeg.core.robust import NORMAL, huber
 from vispeg.core.rules import RULES
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.objects import ObjectRecording, turn_between
@@ -166,7 +167,7 @@ class Restarts(Evidence):
         error = np.concatenate(
             [w.measured - y[0] for w, y in zip(self.flight, self._predicted([World()], self.flight), strict=True)]
         )
-        return np.repeat([1.4826 * np.median(np.abs(error[:, :3])), 1.4826 * np.median(np.abs(error[:, 3:]))], 3)
+        return NORMAL * np.repeat([np.median(np.abs(error[:, :3])), np.median(np.abs(error[:, 3:]))], 3)
 
     @property
     def unit(self) -> str:
@@ -199,13 +200,7 @@ class Restarts(Evidence):
     def whiten(item: Windows, predicted: np.ndarray) -> np.ndarray:
         """Return the whitened residual (n, 6), damped so that its square grows linearly beyond `toss_far` (Huber)."""
         r = (item.measured - predicted) / item.sigma
-        r = np.where(np.isfinite(r), np.clip(r, -LOST, LOST), LOST)
-        size = np.abs(r)
-        return np.where(
-            size <= RULES.toss_far,
-            r,
-            np.sign(r) * np.sqrt(np.maximum(2 * RULES.toss_far * size - RULES.toss_far**2, 0.0)),
-        )
+        return huber(np.where(np.isfinite(r), np.clip(r, -LOST, LOST), LOST), RULES.toss_far)
 
     def blocks(self, seconds: float | None = None) -> np.ndarray:
         """Return the block of every residual entry: its toss, since only tosses are independent."""

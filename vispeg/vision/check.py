@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from vispeg.core.robust import spread
 from vispeg.recordings.cell import OPEN_CELL
 from vispeg.recordings.frames.frames import Frames, RecordedFrame
 from vispeg.recordings.frames.joints import joints_at
@@ -117,7 +118,7 @@ def _clock(frames: Frames) -> Mapping[str, Any]:
     steps = np.diff(times)[np.diff(episodes) == 0]
     period = float(np.median(steps)) if len(steps) else 0.0
     lost = int(np.sum(np.rint(steps[steps > LOST * period] / period) - 1)) if period > 0 else 0
-    jitter = 1.4826 * float(np.median(np.abs(steps - period))) if len(steps) else 0.0
+    jitter = spread(steps) if len(steps) else 0.0
     repeated, before = 0, None
     for frame in frames:
         now = frame.rgb if frame.rgb_source is not None else frame.depth

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from vispeg.core.robust import spread
 from vispeg.vision.compare import Compared
 
 POINTS = 4000  # most borders and corners of a camera that are kept
@@ -100,7 +101,5 @@ def _binned(z: np.ndarray, e: np.ndarray) -> np.ndarray:
     for k in range(DISTANCES):
         here = e[cell == k]
         if len(here):
-            middle = float(np.median(here))
-            spread = 1.4826 * float(np.median(np.abs(here - middle)))
-            rows.append((float(np.median(z[cell == k])), middle, spread, len(here)))
+            rows.append((float(np.median(z[cell == k])), float(np.median(here)), spread(here), len(here)))
     return np.array(rows)

@@ -15,7 +15,7 @@ import numpy as np
 
 from vispeg.contact.again.closed_loop import closed_loop
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.findings import Verdict
+from vispeg.diagnosis.findings import Verdict, left_unexplained
 from vispeg.diagnosis.schema import Replayed, Trial
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
@@ -56,7 +56,7 @@ def judged(
             f"{row['recording']} in closed loop: peak {last['peak_force']:.1f} N and {last['outcome']} in the {name} "
             f"model, {measured['peak_force']:.1f} N and {measured['outcome']} measured, which no known effect explains"
         )
-        return Verdict("unexplained", text, {"depends_on": [], "text": text}, partial=True)
+        return left_unexplained(text)
     return verdict
 
 

@@ -3,7 +3,7 @@
 A force sensor drifts and mixes its channels; kinematics have small errors that change slowly over the cell. Such
 errors are correlated between blocks, so a noise floor per block cannot describe them. They are linear in the compared
 wrench: the covariance of whitened residuals is `I + A A'`, with a column of A each, and the residuals are whitened
-again by its inverse root, `I - U diag(1 - 1/sqrt(1 + s^2)) U'` with `A = U diag(s) V'`. Sources: Bayarri and others
+again by its inverse root (`vispeg.identify.whitener`). Sources: Bayarri and others
 2007, A framework for validation of computer models, Technometrics 49(2), for a smooth discrepancy; Rasmussen and
 Williams 2006, Gaussian Processes for Machine Learning, 2.7, for linear nuisances in a covariance.
 """
@@ -22,6 +22,7 @@ from vispeg.contact.errors.wedge import softness, wedging
 from vispeg.contact.inputs import ContactItem
 from vispeg.contact.phases import NAMES
 from vispeg.core.rules import RULES
+from vispeg.identify.whitener import Whitener
 from vispeg.recordings.checks.quality import runs
 from vispeg.recordings.regimes import Thresholds
 from vispeg.robots.scene import Scene
@@ -31,7 +32,6 @@ KINDS = ("sensor", "path", "form")
 READING, PATH, FORM = range(len(KINDS))
 LEVER = 0.1  # m, converts torques to forces
 TOUCH = Thresholds().touch  # N, least contact force that constrains the position
-LEAST = 0.05  # singular value below which a direction is dropped
 
 
 @dataclass(frozen=True)
@@ -39,24 +39,20 @@ class Nuisance:
     """Directions of the whitened residual with more uncertainty than its floor.
 
     Attributes:
-        basis: (n, k) orthonormal directions, over all blocks and channels of one item, or of several one after another.
-        less: (k,) share of the residual that is removed along each direction.
-        columns: (n, j) columns of A.
+        columns: (n, j) columns of A, over all blocks and channels of one item, or of several one after another.
         kinds: (j,) kind of each column, an index of `KINDS`.
+        whitener: its covariance.
     """
 
-    basis: np.ndarray
-    less: np.ndarray
     columns: np.ndarray
     kinds: np.ndarray
+    whitener: Whitener
 
     @classmethod
     def of(cls, columns: np.ndarray, kinds: np.ndarray | None = None) -> Nuisance:
         """Build from the columns (n, j) of A: each is the whitened residual due to an error of 1 standard deviation."""
-        u, s, _ = np.linalg.svd(columns, full_matrices=False)
-        u, s = u[:, s > LEAST], s[s > LEAST]
         kinds = np.zeros(columns.shape[1], int) if kinds is None else kinds
-        return cls(u, 1 - 1 / np.sqrt(1 + s**2), columns, kinds)
+        return cls(columns, kinds, Whitener.of(columns))
 
     def of_rows(self, rows: np.ndarray) -> Nuisance:
         """Restrict the nuisances to some of the values, (n,) bool."""
@@ -78,8 +74,7 @@ class Nuisance:
 
     def whitened(self, residual: np.ndarray) -> np.ndarray:
         """Whiten a residual of `n` values that is already white block by block, by the covariance of the nuisances."""
-        flat = residual.ravel()
-        return (flat - self.basis @ (self.less * (self.basis.T @ flat))).reshape(residual.shape)
+        return self.whitener(residual.ravel()).reshape(residual.shape)
 
 
 def nuisance(items: Sequence[ContactItem]) -> Nuisance:

@@ -10,20 +10,15 @@ import numpy as np
 
 from vispeg.contact.selection.profile import places, strongest
 from vispeg.contact.selection.searching import ContactSearching
-from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.effect import EffectInstance, effect, told_apart_by
 from vispeg.diagnosis.findings import Score
 from vispeg.diagnosis.selection.state import State
-
-
-def confusable(name: str, other: str) -> bool:
-    """Return whether a motion is needed to distinguish two kinds of effect."""
-    return name in effect(other).told_from or other in effect(name).told_from
 
 
 def lacking(placed: EffectInstance, rival: EffectInstance) -> set[str]:
     """Return the parameters that one effect uses and a near-confounded other has but leaves at null."""
     kind = effect(rival.effect)
-    if rival.effect == placed.effect or not confusable(placed.effect, rival.effect):
+    if rival.effect == placed.effect or not told_apart_by(placed.effect, rival.effect):
         return set()
     acts = [k for k, v in placed.params.items() if v.value != effect(placed.effect).params[k].null]
     return {k for k in acts if k in kind.params and rival.params[k].value == kind.params[k].null}

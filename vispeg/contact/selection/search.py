@@ -10,7 +10,7 @@ import numpy as np
 from scipy import stats
 
 from vispeg.contact.evidence import ContactEvidence
-from vispeg.contact.selection.alike import confusable, free_lacking, refitted
+from vispeg.contact.selection.alike import free_lacking, refitted
 from vispeg.contact.selection.form import form
 from vispeg.contact.selection.likely import intervals
 from vispeg.contact.selection.profile import (
@@ -24,7 +24,7 @@ from vispeg.contact.selection.screen import Probe, Screen
 from vispeg.contact.selection.shows_from import least_sizes
 from vispeg.contact.selection.spare import remove_uncertain, remove_unneeded
 from vispeg.contact.selection.sparse import sparse
-from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.effect import EffectInstance, effect, told_apart_by
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.findings import Gain, Score, Trial
 from vispeg.diagnosis.progress import Progress
@@ -344,7 +344,7 @@ class ContactSearch(Loop):
         """
         where = [p for p in places(self.evidence, state.world) if p != (placed.effect, placed.where)]
         beside = {t.score.key for taken, trials in state.steps if taken.score.has(placed) for t in trials}
-        near = [p for p in where if p in beside or confusable(p[0], placed.effect)]
+        near = [p for p in where if p in beside or told_apart_by(p[0], placed.effect)]
         least = RULES.contact_rival * self._gain_of(state.world, placed)
         best = [s for s in strongest(self.probed(state.world, near))[: RULES.contact_paired] if s.gain > least]
         for s in best:

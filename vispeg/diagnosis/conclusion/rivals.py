@@ -74,19 +74,19 @@ def find_rivals(search: Searching, state: State, n_fixed: int, say: Callable[[st
 
 def rivals_of_each(search: Fitting, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
     """Find the rivals of every accepted effect, with all other effects kept and refitted, by screening the library."""
-    chosen = state.world.effects[n_fixed:]
+    chosen, alike = state.world.effects[n_fixed:], search.evidence.alike
     out = []
     for placed in chosen:
         step = _tried(search, state, placed, len(chosen))
         if step is not None:
             without = search.judge.mean(step[0].loss) + step[0].gain.mean
-            out.append(_compare(search, state, placed.label, step[1], without))
+            out.append(compared(search.judge, state, placed.label, step[1], without, alike))
             continue
         say(f"looking for rivals of {placed.label}")
         (reduced,) = _without(search, state, [placed], n_fixed)
         scores, tested = search.instead(reduced, placed)
         trials = search.try_all(reduced, scores, n_fixed, tested, _goal(search, state)) if scores else []
-        out.append(_compare(search, state, placed.label, trials, search.judge.mean(reduced.loss)))
+        out.append(compared(search.judge, state, placed.label, trials, search.judge.mean(reduced.loss), alike))
     return out
 
 
@@ -118,7 +118,7 @@ def _proposed(search: Searching, state: State, n_fixed: int, say: Callable[[str]
     """
     say("screening for rivals of each effect")
     asked = {e.label: e.rivals for e in search.exchanges(state) if e.rivals}
-    beyond = _beyond(search, state)
+    beyond, alike = _beyond(search, state), search.evidence.alike
     placed = [e for e in state.world.effects[n_fixed:] if e.label in asked or e.where in beyond]
     size = (  # bytes of derivatives per effect
         8 * state.residual.size * (1 + len(state.world.effects)) * (1 + 2 * (RULES.name_class + RULES.rivals_screened))
@@ -136,7 +136,7 @@ def _proposed(search: Searching, state: State, n_fixed: int, say: Callable[[str]
             tries.append((without, list(scores.values()), max(tested, len(proposed))))
         found = search.try_each(tries, n_fixed, _goal(search, state))
         for e, without, trials in zip(part, reduced, found, strict=True):
-            by_label[e.label] = _compare(search, state, e.label, trials, search.judge.mean(without.loss))
+            by_label[e.label] = compared(search.judge, state, e.label, trials, search.judge.mean(without.loss), alike)
     return [by_label.get(e.label, Rivals(e.label, (), ())) for e in state.world.effects[n_fixed:]]
 
 
@@ -194,19 +194,27 @@ def _parts(label: str) -> tuple[str, str]:
     return name, where
 
 
-def _compare(search: Fitting, state: State, label: str, trials: list[Trial], without: float) -> Rivals:
+def compared(
+    judge: Judge,
+    state: State,
+    label: str,
+    trials: Sequence[Trial],
+    without: float,
+    alike: float = 0.0,
+    remaining: bool = True,
+) -> Rivals:
     """Return the rivals of the effect `label` among trials in its place; groups are none.
 
-    `without` is the held-out mean squared residual without the effect.
+    `without` is the held-out mean squared residual without the effect; `alike` and `remaining` are as in `equal`.
     """
     others = [t.bare for t in trials if not t.score.beside and t.score.placed.label != label]
     equals = [
         t
         for t in others
-        if equal(search.judge, t.loss, state.loss, without, search.evidence.alike, remaining=True)
+        if equal(judge, t.loss, state.loss, without, alike, remaining)
         and not t.absent
         and t.gain.relative > 0
-        and not merely_richer(search.judge, t, state, label)
-        and not grown_from(search.judge, t, state, label)
+        and not merely_richer(judge, t, state, label)
+        and not grown_from(judge, t, state, label)
     ]
     return Rivals(label, tuple(equals), tuple(others))

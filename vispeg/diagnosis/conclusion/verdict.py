@@ -16,7 +16,7 @@ import numpy as np
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.remainder import Dependence
 from vispeg.diagnosis.evidence.roles import Roles
-from vispeg.diagnosis.findings import Rivals, Verdict
+from vispeg.diagnosis.findings import Rivals, Verdict, left_unexplained
 from vispeg.diagnosis.scale import floors, times
 
 
@@ -51,14 +51,9 @@ def decide(
             the roots of `before` and `after`.
     """
     first, last = errors or (np.sqrt(before), np.sqrt(after))
-    excess_before, excess_after = max(before - floor, 1e-9), max(after - floor, 0.0)
-    explained = 1.0 - excess_after / excess_before
-    at_floor = after <= RULES.adequate * floor
+    explained, at_floor = _explained(before, after, floor), after <= RULES.adequate * floor
     top = depends[0] if depends else None
-    far = (after / floor if farthest is None else farthest) > RULES.far or (
-        mark is not None and after > RULES.inertial * mark
-    )
-    if not at_floor and (explained < RULES.explained or far or not n_added):
+    if unexplained(before, after, n_added, floor, mark, farthest):
         on = [{"input": d.input, "joint": d.joint, "share": d.share} for d in depends if d.share >= RULES.depends]
         what = f"it depends on {on[0]['input']} at {on[0]['joint']}" if on else "no single input predicts it"
         text = f"an error of {times(last)} × the noise floor remains that no known effect explains; {what}"
@@ -68,8 +63,7 @@ def decide(
         if mark is not None:
             over = f"over all readings the model leaves {floors(after)} × their noise"
             text += f"; {over}, least squares of all masses, friction and bias leaves {floors(mark)} ×"
-        rest = {"depends_on": on, "text": text, "explained_share": round(explained, 4)}
-        return Verdict("unexplained", text, rest, partial=True)
+        return left_unexplained(text, on, explained_share=round(explained, 4))
     if not n_added:
         text = f"the held-out error is {times(last)} × the noise floor"
         coarse = _of_readings(floor) if after <= floor else ""
@@ -100,13 +94,12 @@ def undecided(roles: Roles) -> Verdict:
     Args:
         roles: with the name of that recording, `alone`, and the sentence on it, `note`.
     """
-    rest = {"depends_on": [], "text": roles.note, "explained_share": 0.0, "shows_in": roles.alone}
-    return Verdict("unexplained", roles.note, rest, partial=True)
+    return left_unexplained(roles.note, explained_share=0.0, shows_in=roles.alone)
 
 
-def confounded(names: Sequence[str]) -> str:
+def confounded(names: Sequence[str], by: str = "recordings") -> str:
     """Return the reason for `ambiguous`: the labels of effects that have equals."""
-    return f"these recordings cannot tell {', '.join(sorted(set(names)))} from other effects"
+    return f"these {by} cannot tell {', '.join(sorted(set(names)))} from other effects"
 
 
 def without_tentative(verdict: Verdict, rivals: Sequence[Rivals], unsure: Collection[str]) -> Verdict:
@@ -122,16 +115,24 @@ def without_tentative(verdict: Verdict, rivals: Sequence[Rivals], unsure: Collec
     return replace(verdict, reason=text)
 
 
-def unexplained(before: float, after: float, n_added: int) -> bool:
-    """Return whether the error exceeds what an adequate or identified model may leave.
+def unexplained(
+    before: float,
+    after: float,
+    n_added: int,
+    floor: float = 1.0,
+    mark: float | None = None,
+    farthest: float | None = None,
+) -> bool:
+    """Return whether the error exceeds what an adequate or identified model may leave; arguments are as in `decide`."""
+    far = (after / floor if farthest is None else farthest) > RULES.far
+    far = far or (mark is not None and after > RULES.inertial * mark)
+    little = _explained(before, after, floor) < RULES.explained
+    return after > RULES.adequate * floor and (little or far or not n_added)
 
-    Args:
-        before, after: held-out mean squared whitened residual of the user's model and of the final one; 1 at the noise
-            floor.
-        n_added: number of effects added.
-    """
-    explained = 1.0 - max(after - 1.0, 0.0) / max(before - 1.0, 1e-9)
-    return after > RULES.adequate and (explained < RULES.explained or after > RULES.far or not n_added)
+
+def _explained(before: float, after: float, floor: float) -> float:
+    """Return the share of the error above the floor that the final model explains; arguments are as in `decide`."""
+    return 1.0 - max(after - floor, 0.0) / max(before - floor, 1e-9)
 
 
 def _of_readings(floor: float) -> str:

@@ -5,31 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
-from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.effect import EffectInstance, effect, told_apart_by
 from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.worlds.world import World
 
-FASTER = "look-fast: fast motion up and down the image, both ways"
-# pairs that look alike in one kind of motion, and the motion that separates them
-SEPARATE = {
-    frozenset({"focal_error", "camera_offset"}): "tilts of 20 degrees or more and an approach from 0.4 to 0.15 m",
-    frozenset({"principal_point_error", "camera_offset"}): "rolls of 90 degrees about the optical axis, with tilts",
-    frozenset({"focal_error", "lens_distortion"}): "views with the fixture near the image's edges and corners",
-    frozenset({"camera_delay", "camera_offset"}): "the same path both ways, at two speeds",
-    frozenset({"camera_delay", "rolling_shutter"}): FASTER,
-    frozenset({"camera_delay", "encoder_offset"}): "the same path both ways, at two speeds",
-    frozenset({"encoder_offset", "camera_offset"}): "the fixture seen with the wrist joints turned both ways",
-    frozenset({"depth_scale", "depth_bias"}): "a flat part at distances that differ by a factor of two",
-}
 MOVE = "look: tilts, rolls, approaches, both ways at two speeds"
-
-
-SHOWN = {  # motions that show an effect which these views do not show
-    "rolling_shutter": FASTER,
-    "motion_blur": FASTER,
-    "camera_delay": FASTER,
-    "near_limit": "an approach to 0.1 m and nearer",
-}
 ROOM = ("exposure", "white_balance")  # effects that an unknown room light or colour may imitate
 LIT = "a stated look: a model with `appearance` effects, colours and lights as they are"
 
@@ -65,7 +45,7 @@ class Excitation:
     @property
     def motion(self) -> str:
         """Motion that shows the effect if these pictures do not."""
-        return LIT if self.effect in ROOM else SHOWN.get(self.effect, MOVE)
+        return LIT if self.effect in ROOM else next(iter(effect(self.effect).shown_by), MOVE)
 
     def as_dict(self) -> dict:
         """Return the entry of check.json."""
@@ -111,5 +91,4 @@ def _why(e: Excitation) -> str:
 
 def motion_between(effect_name: str, others: Sequence[str]) -> str:
     """Return the motion that distinguishes an effect from others."""
-    words = [SEPARATE.get(frozenset({effect_name, other})) for other in others]
-    return next((w for w in words if w), MOVE)
+    return next((motion for other in others for motion in told_apart_by(effect_name, other)), MOVE)

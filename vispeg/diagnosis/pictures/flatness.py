@@ -12,10 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from vispeg.core.robust import fit, noise_of
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.pictures.remainder import Left
 from vispeg.identify.pictures.corners import looks_of
-from vispeg.identify.pictures.robust import noise_of, trust
 from vispeg.identify.pictures.sight import Sight
 from vispeg.render.calibration.board import Board
 from vispeg.vision.board import Look, pose_of_board
@@ -25,7 +25,6 @@ from vispeg.worlds.world import World
 
 SMALL = 1e-4  # m, rad: steps of derivatives
 ROUNDS = 3  # of the pose fit and of the robust weights
-LEAST_NOISE = 0.05  # px, least noise of a found corner
 Heights = tuple[np.ndarray, np.ndarray]  # misplacements (n,) px, and slopes (n, corners) px per mm of corner height
 
 
@@ -47,12 +46,9 @@ def judge_heights(away: np.ndarray, slopes: np.ndarray, held_away: np.ndarray, h
         away, held_away: (n,) px, misplacements to fit and to judge on, each view's pose projected out.
         slopes, held_slopes: (n, corners) px per mm of height, likewise.
     """
-    noise, residual = max(noise_of(away), LEAST_NOISE), away
-    for scale in (3 * noise, *[noise] * ROUNDS):  # wide at first, as the heights are unknown
-        weight = trust(residual, scale)[:, None] / scale**2
-        normal = slopes.T @ (weight * slopes) + np.eye(slopes.shape[1]) / RULES.flat_bend**2
-        heights = np.linalg.solve(normal, slopes.T @ (weight[:, 0] * away))
-        residual = away - slopes @ heights
+    noise = noise_of(away)
+    scales = (3 * noise, *[noise] * ROUNDS)  # wide at first, as the heights are unknown
+    heights = fit(slopes, away, scales, 1 / RULES.flat_bend**2)
     predicted = held_slopes @ heights
     drop = float(np.sum(held_away**2 - (held_away - predicted) ** 2))
     size, share = float(np.sqrt(np.mean(predicted**2))), drop / max(float(np.sum(held_away**2)), 1e-9)

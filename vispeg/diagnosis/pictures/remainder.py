@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vispeg.core.robust import fit, noise_of, trust
 from vispeg.core.rules import RULES
 from vispeg.identify.pictures.points import Points, pixels
-from vispeg.identify.pictures.robust import noise_of, trust
 from vispeg.identify.pictures.sight import Sight
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
@@ -43,6 +43,7 @@ def left_over(
     """
     a, b = _table(fitted), _table(judged)
     noise = max(noise_of(np.concatenate([a["away"], b["away"]])), 0.1)
+    scales = [max(scale, noise) for scale in (3.0, 1.5, 0.75, 0.0, 0.0)]  # px
     out = []
     for name, key, words in (
         ("place in the image", "cell", [_cell(i) for i in range(CELLS[0] * CELLS[1])]),
@@ -56,7 +57,7 @@ def left_over(
             rows, held = design[0] == value, design[1] == value
             if rows.sum() < RULES.left_points or held.sum() < RULES.left_points_held:
                 continue
-            shift = _robust(a["normal"][rows], a["away"][rows], noise)
+            shift = fit(a["normal"][rows], a["away"][rows], scales, PENALTY / np.square(scales))
             predicted = b["normal"][held] @ shift
             away = b["away"][held]
             w = np.maximum(trust(away, noise), trust(away - predicted, noise))
@@ -112,13 +113,8 @@ def _displacement(
     slope, misplaced = slope[good], misplaced[good]
     if len(misplaced) < RULES.moved_points:
         return None
-    shift = np.zeros(3)
-    for scale in (4.0, 2.0, 1.0, 0.5, 0.5):  # px, from the whole window down to inlier edges
-        w = trust(misplaced - slope @ shift, scale)
-        shift = np.linalg.solve(
-            (slope * w[:, None]).T @ slope / scale**2 + np.eye(3) / FAR**2, slope.T @ (w * misplaced) / scale**2
-        )
-    return tuple(shift.tolist())
+    scales = (4.0, 2.0, 1.0, 0.5, 0.5)  # px, from the whole window down to inlier edges
+    return tuple(fit(slope, misplaced, scales, 1 / FAR**2).tolist())
 
 
 def _table(group: Sequence[tuple[Sight, Points]]) -> dict[str, np.ndarray]:
@@ -154,16 +150,6 @@ def _distances() -> list[str]:
     """Return the ranges of `DISTANCES` in words."""
     edges = ["0", *(f"{d:g}" for d in DISTANCES), "more"]
     return [f"{a} to {b} m" for a, b in zip(edges, edges[1:], strict=False)]
-
-
-def _robust(normal: np.ndarray, away: np.ndarray, noise: float) -> np.ndarray:
-    """Return the shift (2,) px of most of n points, by Tukey's weights from a wide scale to a narrow one."""
-    shift = np.zeros(2)
-    for scale in (3.0, 1.5, 0.75, noise, noise):
-        w = trust(away - normal @ shift, max(scale, noise))
-        square = (w[:, None] * normal).T @ normal + PENALTY * np.eye(2)
-        shift = np.linalg.solve(square, normal.T @ (w * away))
-    return shift
 
 
 def _cell(index: int) -> str:

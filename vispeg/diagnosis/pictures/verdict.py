@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.conclusion.verdict import unexplained
-from vispeg.diagnosis.findings import Rivals, Verdict
+from vispeg.diagnosis.conclusion.verdict import confounded, unexplained
+from vispeg.diagnosis.findings import Rivals, Verdict, left_unexplained
 from vispeg.diagnosis.pictures.halves import Halves
 from vispeg.diagnosis.pictures.remainder import Left
 from vispeg.diagnosis.pictures.sensors import Sensed
@@ -70,16 +70,16 @@ def decide(
     if not n_added:
         found = f"borders lie within {after:.2f} px of where they are predicted" if after else "no border is in view"
         return Verdict("adequate", f"{found}; no effect lowers it" if after else found)
-    names = sorted(r.label for r in rivals if r.equals)
+    names = [r.label for r in rivals if r.equals]
     if names:
-        return Verdict("ambiguous", f"these views cannot tell {', '.join(names)} from other effects")
+        return Verdict("ambiguous", confounded(names, "views"))
     return Verdict("identified", f"held-out borders moved from {before:.2f} to {after:.2f} px from their edges")
 
 
 def _unexplained(text: str, on: Sequence[Left] = ()) -> Verdict:
     """Return the verdict `unexplained` with its reason and the inputs that the remaining error depends on."""
     depends = [{"input": x.input, "joint": x.where, "share": round(x.share, 3), "px": round(x.size, 2)} for x in on]
-    return Verdict("unexplained", text, {"depends_on": depends, "text": text}, partial=True)
+    return left_unexplained(text, depends)
 
 
 def _convinces(x: Left) -> bool:
@@ -104,10 +104,10 @@ def with_sensor(borders: Verdict, sensed: Sequence[Sensed]) -> Verdict:
     added = [s for s in sensed if s.added]
     if not added:
         return borders
-    names = sorted(r.label for s in added for r in s.rivals if r.equals)
+    names = [r.label for s in added for r in s.rivals if r.equals]
     alike = [said for s in added for said in s.alike]
     if names or alike or borders.verdict == "ambiguous":
-        undecided = [f"these views cannot tell {', '.join(names)} from other effects"] if names else []
+        undecided = [confounded(names, "views")] if names else []
         first = [borders.reason] if borders.verdict == "ambiguous" else []
         return Verdict("ambiguous", "; ".join([*first, *undecided, *alike]))
     said = [borders.reason] if borders.verdict == "identified" else []

@@ -16,14 +16,14 @@ import numpy as np
 from vispeg.core.effect import REGISTRY, Effect, EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.intervals import of_form, widened
-from vispeg.diagnosis.conclusion.rivals import merely_richer
+from vispeg.diagnosis.conclusion.rivals import compared
 from vispeg.diagnosis.conclusion.shows_from import Tried, shows_from
 from vispeg.diagnosis.evidence.screen import shortlist
 from vispeg.diagnosis.findings import Rivals, Score, Trial
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.schema import ShowsFrom
-from vispeg.diagnosis.selection.accept import equal, ranked
-from vispeg.diagnosis.selection.judge import Judge, present
+from vispeg.diagnosis.selection.accept import ranked
+from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.loop import Loop
 from vispeg.diagnosis.selection.shown import Shown
 from vispeg.diagnosis.selection.state import State
@@ -215,15 +215,7 @@ class PlainSearch(Loop, Shown):
             places = [p for p in self.places(reduced.world) if p != (placed.effect, placed.where)]
             trials = self.step(reduced, n_fixed, places)
             without = self.judge.mean(reduced.loss)
-            equals = [
-                t
-                for t in trials
-                if equal(self.judge, t.loss, state.loss, without)
-                and present(t.fit, -1)
-                and t.gain.relative > 0
-                and not merely_richer(self.judge, t, state, placed.label)
-            ]
-            out.append(Rivals(placed.label, tuple(equals), tuple(trials)))
+            out.append(compared(self.judge, state, placed.label, trials, without, remaining=False))
         return out
 
     def _without(self, state: State, placed: EffectInstance, n_fixed: int) -> State:

@@ -12,6 +12,7 @@ from vispeg.core.effect import Effect, Values
 from vispeg.core.params import Param
 
 SEED_MAX = float(2**31 - 1)
+LOOK_FAST = "look-fast: fast motion up and down the image, both ways"  # motion that shows an effect of time
 DELIVERED = ("rgb", "depth", "shown")  # fields of a Frame that are delivered late if a camera is late
 
 

@@ -18,6 +18,7 @@ class EncoderOffset(Effect):
     name = "encoder_offset"
     family = "sensor"
     order = 20
+    told_from = {"camera_offset": "the fixture seen with the wrist joints turned both ways"}
     params = {"offset": Param(0.0, -0.2, 0.2, "rad", start=0.01, doc="measured minus true angle")}
 
     def channels(self):

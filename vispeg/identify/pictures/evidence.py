@@ -16,11 +16,11 @@ from vispeg.core.effect import Effect
 from vispeg.core.rules import RULES
 from vispeg.identify.channels import shows
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.pictures.nuisance import Whitener
 from vispeg.identify.pictures.points import Item
 from vispeg.identify.pictures.posture import Postures
 from vispeg.identify.pictures.scatter import Scatter, columns_of
 from vispeg.identify.pictures.unknowns import nuisances
+from vispeg.identify.whitener import Whitener
 from vispeg.robots.scene import Scene
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World

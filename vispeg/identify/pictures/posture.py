@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.core.robust import fit
 from vispeg.core.rules import RULES
 from vispeg.identify.pictures.points import Points, misplacement, pixels
-from vispeg.identify.pictures.robust import trust
 from vispeg.identify.pictures.sight import Sight
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
@@ -47,16 +47,9 @@ class Postures:
         out, good = away.copy(), np.isfinite(away)
         for number in np.unique(self.frame[good]):
             rows = np.flatnonzero(good & (self.frame == number))
-            r, slopes = away[rows], self.slopes[rows]
-            for scale in SCALES:
-                root = np.sqrt(trust(out[rows], scale))[:, None] / scale
-                out[rows] = r - slopes @ _posture(root * slopes, root[:, 0] * r)
+            slopes = self.slopes[rows]
+            out[rows] -= slopes @ fit(slopes, away[rows], SCALES, 1 / RULES.posture_frame**2)
         return out
-
-
-def _posture(slopes: np.ndarray, away: np.ndarray) -> np.ndarray:
-    """Return the most likely joint errors (nj,) rad given `away` (n,) and slopes (n, nj), both weighted."""
-    return np.linalg.solve(slopes.T @ slopes + np.eye(slopes.shape[1]) / RULES.posture_frame**2, slopes.T @ away)
 
 
 def steadied(geometry: Geometry, sight: Sight, world: World, points: Points) -> np.ndarray:

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from vispeg.core.effect import Effect, effect
+from vispeg.core.robust import spread
 from vispeg.core.rules import RULES
 from vispeg.effects.common.disparity import PARAMS
 from vispeg.identify.channels import shows
@@ -248,5 +249,5 @@ def _scatter(figures: Figures, world: World) -> np.ndarray:
     """Return the standard deviation (k,) of each figure's residual between frames, at least its floor."""
     away = figures.measured - figures.modelled(world)
     columns = (c[np.isfinite(c)] for c in away.T)
-    scatter = [1.4826 * float(np.median(np.abs(c - np.median(c)))) if len(c) else 1.0 for c in columns]
+    scatter = [spread(c) if len(c) else 1.0 for c in columns]
     return np.maximum(scatter, [f.floor for f in figures.table])

@@ -19,6 +19,7 @@ class DepthScale(CameraEffect):
     channel = "depth"
     part_of = ("depth_bias", "scale")
     order = 33
+    told_from = {"depth_bias": "a flat part at distances that differ by a factor of two"}
     params = {"factor": Param(1.0, 0.8, 1.25, "1", start=1.02, scale="log", doc="factor on every depth")}
 
     def image(self, state, frame, p, rng):

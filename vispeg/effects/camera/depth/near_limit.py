@@ -18,6 +18,7 @@ class NearLimit(CameraEffect):
 
     name = "near_limit"
     order = 12
+    shown_by = ("an approach to 0.1 m and nearer",)
     params = {"nearest": Param(0.0, 0.0, 1.0, "m", start=0.15, doc="least planar distance that is measured")}
 
     def image(self, state, frame, p, rng):

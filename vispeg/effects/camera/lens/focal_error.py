@@ -16,6 +16,10 @@ class FocalError(CameraEffect):
     name = "focal_error"
     channel = "border"
     writes = frozenset({"cam_intrinsic"})
+    told_from = {
+        "camera_offset": "tilts of 20 degrees or more and an approach from 0.4 to 0.15 m",
+        "lens_distortion": "views with the fixture near the image's edges and corners",
+    }
     params = {
         "fx": Param(0.0, -0.2, 0.2, "1", start=0.02, doc="relative error of fx"),
         "fy": Param(0.0, -0.2, 0.2, "1", start=0.02, doc="relative error of fy"),

@@ -16,6 +16,7 @@ class PrincipalPointError(CameraEffect):
     name = "principal_point_error"
     channel = "border"
     writes = frozenset({"cam_intrinsic"})
+    told_from = {"camera_offset": "rolls of 90 degrees about the optical axis, with tilts"}
     params = {
         "x": Param(0.0, -30.0, 30.0, "px", start=2.0, doc="true minus calibrated point, to the right"),
         "y": Param(0.0, -30.0, 30.0, "px", start=2.0, doc="true minus calibrated point, downwards"),

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from vispeg.core.params import Param
-from vispeg.effects.common.camera import DELIVERED, CameraEffect
+from vispeg.effects.common.camera import DELIVERED, LOOK_FAST, CameraEffect
 from vispeg.effects.common.field import begins
 
 
@@ -24,6 +24,12 @@ class CameraDelay(CameraEffect):
     name = "camera_delay"
     channel = "border"
     order = 85
+    shown_by = (LOOK_FAST,)
+    told_from = {
+        "camera_offset": "the same path both ways, at two speeds",
+        "encoder_offset": "the same path both ways, at two speeds",
+        "rolling_shutter": LOOK_FAST,
+    }
     params = {
         "delay": Param(0.0, -0.1, 0.5, "s", start=0.06, doc="from exposure to arrival; below 0 the joint log lags")
     }

@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from vispeg.core.params import Param
+from vispeg.effects.common.camera import LOOK_FAST
 from vispeg.effects.common.image_motion import arriving, image_flow, nearness
 from vispeg.effects.common.light import LightEffect
 
@@ -26,6 +27,7 @@ class MotionBlur(LightEffect):
     channel = "light"
     order = 54
     moving = ("exposure",)
+    shown_by = (LOOK_FAST,)
     params = {
         "length": Param(0.0, 0.0, 15.0, "px", start=2.0, doc="length of the blur along `angle`"),
         "exposure": Param(0.0, 0.0, 0.1, "s", start=0.01, doc="exposure time, for what moves before the camera"),

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from vispeg.core.params import Param
-from vispeg.effects.common.camera import CameraEffect
+from vispeg.effects.common.camera import LOOK_FAST, CameraEffect
 from vispeg.effects.common.image_motion import arriving, image_flow, nearness
 
 
@@ -21,6 +21,7 @@ class RollingShutter(CameraEffect):
     channel = "border"
     order = 20
     moving = ("readout",)
+    shown_by = (LOOK_FAST,)
     params = {"readout": Param(0.0, 0.0, 0.1, "s", start=0.04, doc="from the first row's exposure to the last one's")}
 
     def image(self, state, frame, p, rng):
