@@ -8,8 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from vispeg.contact.again import last_judge
-from vispeg.contact.again.closed_loop import closed_loop, first_episode
+from vispeg.contact.again.closed_loop import at_ends, closed_loop, contradicted, ended_alike, first_episode
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.params import Value
@@ -108,7 +107,7 @@ def test_a_verdict_stays_where_the_model_ends_as_the_insertion_did(case):
     models = {"given": World(), "corrected": World().add(HIDDEN[case])}
     for name, model in models.items():
         replayed, _ = closed_loop([rec], {name: model})
-        verdict = last_judge.judged(SURE, replayed, [rec], model, 0, 1)
+        verdict = contradicted(SURE, replayed, [rec], model, 0, 1)
         arm_is_right = replayed[0]["trials"][name]["free_off"] < RULES.arm_free
         assert arm_is_right == (name == "corrected" or case != "stiff joint")
         if (case, name) != ("too tight", "given"):
@@ -123,7 +122,7 @@ def test_an_arm_that_was_never_in_free_air_is_not_known_to_be_right():
     replayed, _ = closed_loop([rec], {"given": World()})
     for trial in replayed[0]["trials"].values():
         del trial["free_off"]
-    assert last_judge.judged(SURE, replayed, [rec], World(), 0, 1) is SURE
+    assert contradicted(SURE, replayed, [rec], World(), 0, 1) is SURE
 
 
 @pytest.mark.slow
@@ -134,26 +133,26 @@ def test_a_verdict_falls_only_where_no_value_within_the_intervals_comes_near():
     for low, verdict in ((-2e-5, "unexplained"), (-3.4e-3, "identified")):
         model = World().add(replace(wide, params={"width": Value(-1e-5, low, 0.0)}))
         replayed, _ = closed_loop([rec], {"given": World(), "corrected": model})
-        assert last_judge.judged(SURE, replayed, [rec], model, 0, 1).verdict == verdict
+        assert contradicted(SURE, replayed, [rec], model, 0, 1).verdict == verdict
 
 
 def test_a_peak_force_within_a_quarter_or_a_newton_or_between_two_runs_is_alike():
     def trial(peak, outcome="success"):
         return {"peak_force": peak, "contact_s": 1.0, "outcome": outcome}
 
-    assert last_judge.alike(trial(20.0), [trial(24.9)])
-    assert not last_judge.alike(trial(20.0), [trial(25.1)])
-    assert last_judge.alike(trial(1.0), [trial(1.9)])
-    assert last_judge.alike(trial(20.0), [trial(10.0), trial(40.0)])
-    assert not last_judge.alike(trial(20.0), [trial(20.0, "jammed")])
-    assert last_judge.alike(trial(20.0, "timeout"), [trial(20.0, "jammed")]), "why it failed is chance"
+    assert ended_alike(trial(20.0), [trial(24.9)])
+    assert not ended_alike(trial(20.0), [trial(25.1)])
+    assert ended_alike(trial(1.0), [trial(1.9)])
+    assert ended_alike(trial(20.0), [trial(10.0), trial(40.0)])
+    assert not ended_alike(trial(20.0), [trial(20.0, "jammed")])
+    assert ended_alike(trial(20.0, "timeout"), [trial(20.0, "jammed")]), "why it failed is chance"
 
 
 def test_each_uncertain_value_is_run_at_both_its_ends():
     given = EffectInstance.of("hole_tilt", "fixture", roll=0.01)
     known = EffectInstance.of("tool_mass", "gripper", mass=0.1)
     unsure = replace(given, params={**given.params, "roll": Value(0.01, 0.0, 0.02)})
-    worlds = list(last_judge.at_ends(World().add(known).add(unsure), 0))
+    worlds = list(at_ends(World().add(known).add(unsure), 0))
     assert sorted(w.effects[1].params["roll"].value for w in worlds) == [0.0, 0.02]
     assert all(w.effects[0] == known for w in worlds)
-    assert list(last_judge.at_ends(World().add(unsure), 1)) == []
+    assert list(at_ends(World().add(unsure), 1)) == []

@@ -4,7 +4,7 @@ from pressed import recorded
 
 from vispeg.contact.next_motion import separating
 from vispeg.contact.run import evidence_of
-from vispeg.contact.selection.entangled import beside, entangled, judged
+from vispeg.contact.selection.confounded import beside, entangled, of_combinations
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.findings import Verdict
 from vispeg.identify.fit import fit_job
@@ -29,7 +29,7 @@ def test_masses_of_tool_and_part_are_one_combination_without_friction():
     fit = fitted(TOOL, PART, FRICTION)
     (together,) = entangled(fit, 0)
     assert [e.effect for e in together] == ["tool_mass", "object_mass"]
-    verdict = judged(Verdict("identified", "all"), [together])
+    verdict = of_combinations(Verdict("identified", "all"), [together])
     assert verdict.verdict == "ambiguous" and all(e.label in verdict.reason for e in together)
     record = [{"effect": e.effect, "where": e.where, "indistinguishable_from": []} for e in (TOOL, PART, FRICTION)]
     found = beside(record, [together])
@@ -40,4 +40,4 @@ def test_masses_of_tool_and_part_are_one_combination_without_friction():
 def test_given_and_distinguishable_effects_are_no_combination():
     assert entangled(fitted(TOOL, FRICTION), 0) == []
     assert entangled(fitted(PART, TOOL, n_fixed=1), 1) == []
-    assert judged(Verdict("identified", "both"), []).verdict == "identified"
+    assert of_combinations(Verdict("identified", "both"), []).verdict == "identified"

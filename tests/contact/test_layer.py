@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from vispeg.contact.selection.layer import judged
+from vispeg.contact.selection.confounded import of_layer
 from vispeg.core.effect import EffectInstance
 from vispeg.core.params import Value
 from vispeg.diagnosis.findings import Verdict
@@ -22,7 +22,7 @@ def test_a_raised_soft_contact_is_ambiguous():
     """In whichever order, and whether the fixture stands higher or the part hangs lower."""
     lower = EffectInstance.of("grip_pose", "peg", z=1e-3)
     for effects in ((RAISED, SOFT), (SOFT, RAISED), (SOFT, lower)):
-        verdict = judged(FOUND, World(effects=effects), 0)
+        verdict = of_layer(FOUND, World(effects=effects), 0)
         assert verdict.verdict == "ambiguous"
         assert "gasket" in verdict.reason and all(e.label in verdict.reason for e in effects)
 
@@ -40,21 +40,21 @@ def test_a_raised_soft_contact_is_ambiguous():
 )
 def test_effects_unlike_a_layer_stay_identified(effects):
     """One of the two alone, a harder contact, a lower fixture, one beside its place, a height that may be none."""
-    assert judged(FOUND, World(effects=effects), 0) is FOUND
+    assert of_layer(FOUND, World(effects=effects), 0) is FOUND
 
 
 def test_only_what_was_found_counts_and_no_verdict_is_raised():
     """A model that was given with one of them is believed; `unexplained` stays."""
-    assert judged(FOUND, World(effects=(SOFT, RAISED)), 1) is FOUND
+    assert of_layer(FOUND, World(effects=(SOFT, RAISED)), 1) is FOUND
     worse = Verdict("unexplained", "a residual remains")
-    assert judged(worse, World(effects=(SOFT, RAISED)), 0) is worse
+    assert of_layer(worse, World(effects=(SOFT, RAISED)), 0) is worse
 
 
 def test_the_page_says_what_it_may_be():
     """The reason stands in the report where no effect has a rival."""
     record = {
         "verdict": "ambiguous",
-        "reason": judged(FOUND, World(effects=(SOFT, RAISED)), 0).reason,
+        "reason": of_layer(FOUND, World(effects=(SOFT, RAISED)), 0).reason,
         "effects": [{"effect": e.effect, "where": e.where, "params": {}} for e in (SOFT, RAISED)],
     }
     text = in_words(record)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from vispeg.contact.run import evidence_of
+from vispeg.contact.selection.confounded import equivalent_tool, of_masses, separating, tool_instead, with_tool
 from vispeg.contact.selection.search import ContactSearch
-from vispeg.contact.selection.weighed import equivalent_tool, judged, separating, tool_instead, with_tool
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.findings import Verdict
@@ -96,10 +96,10 @@ def test_a_tool_mass_that_was_found_has_no_second_explanation():
 def test_a_record_names_confounded_masses_and_the_motion_that_separates_them():
     tool = EffectInstance.of("tool_mass", "gripper", mass=0.1), EffectInstance.of("tool_com", "gripper", z=0.01)
     alike = (PART, *tool)
-    verdict = judged(Verdict("identified", ""), alike)
+    verdict = of_masses(Verdict("identified", ""), alike)
     assert verdict.verdict == "ambiguous" and all(e.label in verdict.reason for e in alike)
-    assert judged(Verdict("unexplained", "why"), alike).verdict == "unexplained"
-    assert judged(Verdict("identified", ""), ()).verdict == "identified" and separating(()) is None
+    assert of_masses(Verdict("unexplained", "why"), alike).verdict == "unexplained"
+    assert of_masses(Verdict("identified", ""), ()).verdict == "identified" and separating(()) is None
     entry = {
         "effect": "object_mass",
         "where": "peg",

@@ -14,8 +14,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.findings import Gain, Score, Trial
-from vispeg.diagnosis.pictures.agreement import Agreement, agreement
-from vispeg.diagnosis.pictures.borders import BorderSearch
+from vispeg.diagnosis.pictures.borders import Agreement, BorderSearch, agreement
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.pictures.evidence import BorderEvidence, Item
 from vispeg.identify.pictures.points import misplacement

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from vispeg.contact.again import last_judge
-from vispeg.contact.again.closed_loop import closed_loop
+from vispeg.contact.again.closed_loop import closed_loop, contradicted
 from vispeg.contact.again.damping import Struck, struck
 from vispeg.contact.errors.noise import excess_noise
 from vispeg.contact.evidence import ContactEvidence
@@ -26,7 +25,7 @@ from vispeg.contact.record import (
 )
 from vispeg.contact.remainder import judged as in_phases
 from vispeg.contact.remainder import remainder
-from vispeg.contact.selection import entangled, layer, weighed
+from vispeg.contact.selection import confounded
 from vispeg.contact.selection.profile import BLOWS, looked_for
 from vispeg.contact.selection.repeats import repeated
 from vispeg.contact.selection.search import ContactSearch
@@ -113,7 +112,7 @@ def diagnose_contact(
     before_held = judged.residuals([world])[0]
     state = search.run(world, n_fixed)
     shows = search.least
-    tool = weighed.tool_instead(search, state, n_fixed)
+    tool = confounded.tool_instead(search, state, n_fixed)
     rivals = rivals_of_each(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
     errors = judged.errors([world, state.world])
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
@@ -129,9 +128,10 @@ def diagnose_contact(
     )
     models = {"given": world, "corrected": corrected} if len(corrected.effects) > n_fixed else {"given": world}
     replayed, replay_notes = closed_loop(held_out, models, nthread)
-    verdict = last_judge.judged(verdict, replayed, held_out, corrected, n_fixed, nthread)
-    together = entangled.entangled(state.fit, n_fixed)
-    verdict = weighed.judged(entangled.judged(layer.judged(verdict, corrected, n_fixed), together), tool)
+    verdict = contradicted(verdict, replayed, held_out, corrected, n_fixed, nthread)
+    together = confounded.entangled(state.fit, n_fixed)
+    verdict = confounded.of_layer(verdict, corrected, n_fixed)
+    verdict = confounded.of_masses(confounded.of_combinations(verdict, together), tool)
     nuisances = allowed(judged, {"given": world, "corrected": state.world} if len(models) > 1 else {"given": world})
     verdict = with_nuisance(verdict, nuisances)
     final = with_origin(
@@ -154,7 +154,7 @@ def diagnose_contact(
         "evidence": "contact",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": weighed.with_tool(entangled.beside(found, together), tool),
+        "effects": confounded.with_tool(confounded.beside(found, together), tool),
         "ladder": ladder(evidence, judged, state, world),
         "noise_floor": {"value": judged.floor, "unit": "N RMS", "from": judged.floor_from},
         "where_it_fails": where_it_fails(judged, predicted),
@@ -166,7 +166,7 @@ def diagnose_contact(
         "shows_from": shows_from(shows),
         "allowed": nuisances,
         "closed_loop": replayed,
-        "next_experiment": weighed.separating(tool) or separating(fitted_world, rivals, unseen, together, recorded),
+        "next_experiment": confounded.separating(tool) or separating(fitted_world, rivals, unseen, together, recorded),
         "candidates": candidates(state, rivals, n_fixed),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],

@@ -22,8 +22,7 @@ from vispeg.contact.selection.profile import (
 )
 from vispeg.contact.selection.screen import Probe, Screen
 from vispeg.contact.selection.shows_from import least_sizes
-from vispeg.contact.selection.spare import remove_uncertain, remove_unneeded
-from vispeg.contact.selection.sparse import sparse
+from vispeg.contact.selection.spare import remove_uncertain, remove_unneeded, sparse
 from vispeg.core.effect import EffectInstance, effect, told_apart_by
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.findings import Gain, Score, Trial

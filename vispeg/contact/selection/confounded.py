@@ -1,12 +1,11 @@
-"""Structural confounding of masses: a wrist sensor cannot distinguish a heavier held part from a heavier tool.
+"""Effects of contact that no recording, or none of these, tells apart: the verdict is then ambiguous.
 
-In any orientations, its readings determine mass, centre of mass and inertia of tool and part together, not the share of
-each. So a change of the tool's mass and centre of mass can always replace a change of the part's mass; the two differ
-in inertia alone, by less than the readings show. Source: Atkeson, An and Hollerbach 1986, Estimation of inertial
-parameters of manipulator loads and links, Int. J. Robotics Research 5(3).
+Three kinds: combinations that a fit shows to be undetermined, a soft layer, and the masses of tool and held part.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -14,18 +13,93 @@ import numpy as np
 from vispeg.contact.selection.profile import place_of
 from vispeg.contact.selection.searching import ContactSearching
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.findings import Verdict
+from vispeg.core.rules import RULES
+from vispeg.diagnosis.findings import Verdict, made_ambiguous
 from vispeg.diagnosis.schema import FoundEffect, NextMotion, Place
 from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.state import State
+from vispeg.identify.fit import Fit
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
+from vispeg.worlds.world import World
 
 PART_MASS, TOOL_MASS, TOOL_CENTRE = "object_mass", "tool_mass", "tool_com"  # names of effects
+Together = tuple[EffectInstance, ...]
+FLAT = 1e-12  # smallest norm of a column, against division by 0
 
 
-def tool_instead(search: ContactSearching, state: State, n_fixed: int) -> tuple[EffectInstance, ...]:
+def entangled(fit: Fit | None, n_fixed: int) -> list[Together]:
+    """Return the sets of added effects that a fit determines only in combination, the least determined first.
+
+    The information matrix, scaled to a diagonal of ones, shows them: along an eigenvector whose eigenvalue is near 0
+    the parameters may move together while the residual stays. For two parameters, this eigenvalue is one minus the
+    absolute value of their correlation. Source: Belsley, Kuh and Welsch 1980, Regression Diagnostics, chapter 3.
+    """
+    if fit is None or not len(fit.u):
+        return []
+    columns = fit.jacobian / np.maximum(np.linalg.norm(fit.jacobian, axis=0), FLAT)
+    value, vector = np.linalg.eigh(columns.T @ columns)
+    out: list[Together] = []
+    for way in vector.T[value < 1 - RULES.correlated]:
+        indices = sorted({fit.space.axes[i].index for i in np.flatnonzero(np.abs(way) > RULES.combined_part)})
+        together = tuple(fit.world.effects[i] for i in indices)
+        if len(indices) > 1 and indices[0] >= n_fixed and together not in out:
+            out.append(together)
+    return out
+
+
+def of_combinations(verdict: Verdict, sets: Sequence[Together]) -> Verdict:
+    """Change `identified` to `ambiguous` if some effects are determined only in combination."""
+    named = "; ".join(" and ".join(e.label for e in together) for together in sets)
+    return made_ambiguous(verdict, f"these recordings determine only a combination of {named}" if sets else "")
+
+
+def beside(effects: list[FoundEffect], sets: Sequence[Together]) -> list[FoundEffect]:
+    """Add to each effect of a record those with which only a combination is determined; return the effects."""
+    for together in sets:
+        for a in together:
+            entry = next(e for e in effects if (e["effect"], e["where"]) == (a.effect, a.where))
+            others: list[Place] = [{"effect": b.effect, "where": b.where} for b in together if b is not a]
+            entry["indistinguishable_from"] += [o for o in others if o not in entry["indistinguishable_from"]]
+    return effects
+
+
+def of_layer(verdict: Verdict, world: World, n_fixed: int) -> Verdict:
+    """Change `identified` to `ambiguous` if a softer contact and a higher part were added, as a layer would look.
+
+    A soft layer on the fixture, such as a gasket or tape, is not in the library, but if walls are hardly touched, no
+    recording distinguishes it from these two effects.
+
+    Args:
+        verdict: the verdict of the search.
+        world: the corrected model.
+        n_fixed: number of effects given by the user.
+    """
+    added = world.effects[n_fixed:]
+    soft = next((e for e in added if e.effect == "contact_stiffness" and e.params["scale"].value < 1.0), None)
+    high = next((e for e in added if _higher(e)), None)
+    if soft is None or high is None:
+        return verdict
+    text = (
+        f"{soft.label} with {high.label} is also what a soft layer on the fixture (a gasket, tape) looks like, "
+        "which is no effect of the library: look whether one lies there"
+    )
+    return made_ambiguous(verdict, text)
+
+
+def _higher(placed: EffectInstance) -> bool:
+    """Return whether an effect is a pose of which the whole interval makes parts touch sooner than nominal."""
+    z = placed.params.get("z") if effect(placed.effect).posed else None
+    return z is not None and (z.value if z.low is None else z.low) > 0.0
+
+
+def tool_instead(search: ContactSearching, state: State, n_fixed: int) -> Together:
     """Return the part's mass that a search added, followed by the tool's mass and centre that explain as much.
+
+    In any orientations, the readings of a wrist sensor determine mass, centre of mass and inertia of tool and part
+    together, not the share of each. So a change of the tool's mass and centre of mass can always replace a change of
+    the part's mass; the two differ in inertia alone, by less than the readings show. Source: Atkeson, An and Hollerbach
+    1986, Estimation of inertial parameters of manipulator loads and links, Int. J. Robotics Research 5(3).
 
     Empty if the search did not add the part's mass, if the model has the tool's mass as well, or if the held-out
     recordings distinguish the two explanations. The first `n_fixed` effects of the state's world were given; a given
@@ -72,19 +146,19 @@ def equivalent_tool(scene: Scene, scale: float) -> tuple[float, float]:
     return mass, float(np.clip(z, limits.low, limits.high))
 
 
-def judged(verdict: Verdict, confounded: tuple[EffectInstance, ...]) -> Verdict:
+def of_masses(verdict: Verdict, confounded: Together) -> Verdict:
     """Change `identified` to `ambiguous` if `confounded`, the result of `tool_instead`, is not empty."""
-    if verdict.verdict != "identified" or not confounded:
+    if not confounded:
         return verdict
     part, *tool = confounded
     text = (
         f"{part.label} cannot be distinguished from {' with '.join(e.label for e in tool)}: these recordings show only "
         "the mass of part and tool together"
     )
-    return Verdict("ambiguous", text, partial=verdict.partial)
+    return made_ambiguous(verdict, text)
 
 
-def with_tool(effects: list[FoundEffect], confounded: tuple[EffectInstance, ...]) -> list[FoundEffect]:
+def with_tool(effects: list[FoundEffect], confounded: Together) -> list[FoundEffect]:
     """Return a record's `effects`, in which the part's mass lists those of the tool as indistinguishable from it.
 
     Effects that have an entry of their own are not listed. `confounded` is the result of `tool_instead`.
@@ -98,7 +172,7 @@ def with_tool(effects: list[FoundEffect], confounded: tuple[EffectInstance, ...]
     return effects
 
 
-def separating(confounded: tuple[EffectInstance, ...]) -> NextMotion | None:
+def separating(confounded: Together) -> NextMotion | None:
     """Return the motion that distinguishes part and tool; None if `confounded`, from `tool_instead`, is empty."""
     if not confounded:
         return None
