@@ -37,16 +37,15 @@ class Grasp:
     damping: np.ndarray
 
 
-MASS, INERTIA, LEVER = 0.8, 0.02, 0.1  # kg, kg m^2, m: of a hand, for critical damping and for torques
+MASS, INERTIA = 0.8, 0.02  # kg, kg m^2: of a hand, for critical damping
+LEVER = 0.1  # m: torques count as forces at this distance, and angles as displacements
+UNITS = np.repeat([1.0, LEVER], 3)  # N and N m of a wrench whose components are alike
 
 
 def grasp(force: float, place: float) -> Grasp:
-    """Return the grasp for a wrench accurate to `force` (N) and a path accurate to `place` (m).
-
-    Torques and angles are scaled by 0.1 m.
-    """
+    """Return the grasp for a wrench accurate to `force` (N) and a path accurate to `place` (m)."""
     linear = float(np.clip(force / place, 500.0, 2e4))
-    k = np.repeat([linear, linear * LEVER**2], 3)
+    k = linear * UNITS**2
     return Grasp(k, 2 * np.sqrt(k * np.repeat([MASS, INERTIA], 3)))
 
 

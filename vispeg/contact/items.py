@@ -14,7 +14,7 @@ import numpy as np
 from vispeg.contact.beginning import beginnings, episode_numbers, no_free_air, tared
 from vispeg.contact.drive import Driven, drive
 from vispeg.contact.errors.floors import floors
-from vispeg.contact.hand import Grasp
+from vispeg.contact.hand import UNITS, Grasp
 from vispeg.contact.inputs import ContactItem, Touching
 from vispeg.contact.path import Path
 from vispeg.contact.phases import Phases, nearest
@@ -32,7 +32,7 @@ from vispeg.sim.segments.segment import Segment
 from vispeg.sim.touch import touch
 from vispeg.worlds.world import World
 
-PUSH, LEVER = 0.2, 0.1  # N, m: reading error in `reading_response`; factor from its force to its torque
+PUSH = 0.2  # N, reading error in `reading_response`
 
 
 def driven(
@@ -97,7 +97,7 @@ def reading_response(item: ContactItem, nominal: Driven, nthread: int = 1) -> np
     Returns:
         (m, 6, 6): block, component of the residual, component of the wrench that is read too large after the rest.
     """
-    size, world = np.repeat([PUSH, LEVER * PUSH], 3), hand_world(item.source.believed, World())
+    size, world = PUSH * UNITS, hand_world(item.source.believed, World())
     wrench = np.repeat(true_wrench(item.path, world)[None], 6, axis=0)
     per_read, phase = _true_per_read(item, [World()] * 6), item.phase
     error = np.zeros_like(wrench)

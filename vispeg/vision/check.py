@@ -17,6 +17,7 @@ from vispeg.robots.scene import Scene
 from vispeg.vision.blur import softness
 from vispeg.vision.borders import Borders, borders_of
 from vispeg.vision.eye import camera_of
+from vispeg.vision.photometry import SATURATED
 from vispeg.vision.precision import Precision, View, precisions
 from vispeg.vision.predict import Predictor
 from vispeg.vision.search import search
@@ -26,7 +27,6 @@ CELLS = (8, 6)  # of an image, for its coverage
 FEW = 3  # border points that a cell needs to be covered
 LOST = 1.5  # median periods without a frame from which one was lost
 MOST = 60  # frames of a camera that are drawn: coverage needs no more
-DARK, BRIGHT = 2, 253  # grey levels, up to and from which a pixel is black or saturated
 SLOPE = 5e-3  # s before and after a frame, between which speeds are measured
 
 
@@ -134,8 +134,8 @@ def _light(frames: Frames) -> Mapping[str, Any]:
         return {}
     levels = [float(np.median(rgb)) for rgb in pictures]
     return {
-        "dark": float(np.mean([np.mean(rgb.max(axis=2) <= DARK) for rgb in pictures])),
-        "saturated": float(np.mean([np.mean(rgb.max(axis=2) >= BRIGHT) for rgb in pictures])),
+        "dark": float(np.mean([np.mean(rgb.max(axis=2) <= SATURATED[0]) for rgb in pictures])),
+        "saturated": float(np.mean([np.mean(rgb.max(axis=2) >= SATURATED[1]) for rgb in pictures])),
         "brightness": float(np.median(levels)),
         "drift": max(levels) - min(levels),
     }

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from vispeg.contact.drive import Driven, drive
 from vispeg.contact.errors.noise import noise
+from vispeg.contact.hand import UNITS
 from vispeg.contact.inputs import ContactItem
 from vispeg.contact.path import PATH_HZ, Path
 from vispeg.contact.phases import NAMES
@@ -26,8 +27,6 @@ from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.regimes import INSIDE, REGIMES
 from vispeg.worlds.world import World
-
-LEVER = 0.1  # m, converts torques to forces
 
 
 def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
@@ -51,7 +50,6 @@ def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
     )[0]
     out = np.empty_like(residual)
     near_slide = np.convolve(phase.of("slide"), np.ones(2 * RULES.floor_loose + 1), "same") > 0
-    unit = np.repeat([1.0, LEVER], 3)
     forms: dict[str, float] = dict(zip(NAMES, RULES.floor_form, strict=True))
     shares: dict[str, float] = dict(zip(NAMES, RULES.floor_share, strict=True))
     for name in NAMES:
@@ -63,10 +61,10 @@ def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
                 wedge = RULES.floor_wedged if law == REGIMES[INSIDE] else 0.0
                 share = shares[law] + wedge * wedged(item)[blocks]
                 form = np.hypot(forms[law], share * phase.force[blocks])
-                out[blocks] = np.hypot(rms, form[:, None] * unit)
+                out[blocks] = np.hypot(rms, form[:, None] * UNITS)
     chatter = np.sqrt(np.maximum(phase.scatter(path.wrench) ** 2 - sigma**2, 0.0))
     out = np.hypot(out, chatter / np.sqrt(phase.size))
-    out[phase.resting] = np.repeat([RULES.zero_between, RULES.zero_between * LEVER], 3)
+    out[phase.resting] = RULES.zero_between * UNITS
     return out
 
 

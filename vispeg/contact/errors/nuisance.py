@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from vispeg.contact.errors.bearing import bearing
 from vispeg.contact.errors.wedge import softness, wedging
+from vispeg.contact.hand import UNITS
 from vispeg.contact.inputs import ContactItem
 from vispeg.contact.phases import NAMES
 from vispeg.core.rules import RULES
@@ -30,7 +31,6 @@ from vispeg.sim.compiled import compiled
 
 KINDS = ("sensor", "path", "form")
 READING, PATH, FORM = range(len(KINDS))
-LEVER = 0.1  # m, converts torques to forces
 TOUCH = Thresholds().touch  # N, least contact force that constrains the position
 
 
@@ -115,7 +115,7 @@ def _drifts(item: ContactItem) -> list[np.ndarray]:
     """Return two drifts per channel: a zero that drifts steadily from rest, and one that rises and falls back."""
     along = np.maximum(item.phase.time - item.phase.time[item.phase.resting].mean(), 0.0)
     along /= along[-1]
-    size = RULES.zero_drift * _units()
+    size = RULES.zero_drift * UNITS
     return [shape[:, None] * np.eye(6)[c] * size[c] for shape in (along, along * (1 - along)) for c in range(6)]
 
 
@@ -146,9 +146,8 @@ def _unsure(item: ContactItem) -> list[np.ndarray]:
 def _mixtures(item: ContactItem) -> list[np.ndarray]:
     """Return the cross-talk of each pair of channels: a share of one's reading, relative to rest, in the other."""
     read = item.measured - item.measured[item.phase.resting].mean(axis=0)
-    unit = _units()
     return [
-        RULES.cross_talk * np.outer(read[:, source] / unit[source], np.eye(6)[into] * unit[into])
+        RULES.cross_talk * np.outer(read[:, source] / UNITS[source], np.eye(6)[into] * UNITS[into])
         for source in range(6)
         for into in range(6)
     ]
@@ -329,7 +328,3 @@ def _turn(item: ContactItem) -> Rotation:
 def _at_tip(item: ContactItem, push: np.ndarray) -> np.ndarray:
     """Return the wrench (m, 6) at the flange of forces (m, 3) N at the tool's tip, flange axes."""
     return np.concatenate([push, np.cross([0.0, 0.0, item.source.scene.tip], push)], axis=1)
-
-
-def _units() -> np.ndarray:
-    return np.repeat([1.0, LEVER], 3)
