@@ -11,19 +11,16 @@ from vispeg.recordings.checks.missing import stretches
 from vispeg.recordings.differentiate import bridged, smooth
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Control, Recording
-from vispeg.recordings.validate import MAX_ANGLE
 
 EXTERNAL = "external"  # key in `Segment.cache`: (n, nj) N m, external torques on the links at the control ticks
 START_HZ = 20.0  # bandwidth of the motion that gives a closed loop its start state
 SERVO_TICK = 2.5e-3  # s, greatest spacing of the instants at which a new goal may reach a servo
 HELD_HZ = 40.0  # bandwidth of the observer's reference motion, high enough to keep its corners
-# Start states: how long the roughness of a motion counts as constant, s, and over how many readings at least.
-CONSTANT_S, CONSTANT = 0.3, 12
-# Values of it that are tried, half a decade apart: white noise of the jerk, rad/s^2.5, for which the acceleration
-# changes in 0.1 s by 0.0003 rad/s^2 (at rest) to 300 rad/s^2
-ROUGHNESS = np.logspace(-3, 3, 13)
-# 1-sigma of velocity, rad/s, and acceleration, rad/s^2, before any reading: no arm is faster
-FASTEST = (10.0, 1e3)
+DEGREE = 3  # of the polynomial whose value at its left end is the start state
+FEWEST = 2 * (DEGREE + 3)  # readings in a window: twice the coefficients of the polynomial with two more degrees
+WINDOWS = (0.6, 0.42, 0.3, 0.21, 0.15, 0.1, 0.07)  # s, longest first, as a long window has the least noise
+# Decrease of chi squared by two more degrees above which a window is too long; noise alone stays below in 95 % of cases
+SUSPECT = 6.0
 
 
 @dataclass(frozen=True)
@@ -108,8 +105,8 @@ def _segment(rec: Recording, rows: np.ndarray) -> Segment:
     raw = on_grid(read)
     closed = rec.control.mode in ("position", "osc", "servo")
     q, dq, _ = smooth(grid, raw, START_HZ if closed else HELD_HZ)
-    if closed:  # the loop forgets its start state only slowly where it is soft or its arm heavy
-        q[0], dq[0] = start_state(time, read, noise_of(rec)["q"])
+    if rec.control.mode in ("osc", "servo"):  # here errors of the start state decay slowly
+        q[0], dq[0] = start_state(time, bridged(time, read), noise_of(rec)["q"])
     return Segment(rec.control, tick, command, q, dq, raw, time, rows, float(rec.time[rows[0]]))
 
 
@@ -125,44 +122,38 @@ def _continuous(quaternions: np.ndarray) -> np.ndarray:
 def start_state(time: np.ndarray, q: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Estimate angle (nj,) rad and velocity (nj,) rad/s at `time[0]`.
 
-    A Kalman filter runs back in time from `CONSTANT_S` later to the start, for a jerk that is white noise. Each joint's
-    roughness, the noise's density, is not known: values are tried, and their estimates averaged by their likelihood.
-    If the readings are more likely for an arm at rest, as most recordings begin, the velocity is 0: a motion that sets
-    in at once is rougher than what was before it.
+    A cubic is fitted to the longest window in which a quintic would not fit significantly better (if there is none, a
+    quintic to the shortest). The velocity error at its end is about 35 sigma / (T sqrt n). A smoother that passes
+    through the first reading would keep that reading's full noise; it is used where no window has enough readings.
 
     Args:
         time: (n,) s, increasing; n >= 2.
-        q: (n, nj) rad, readings at these times, not resampled, as each counts as one with noise of its own; NaN where
-            missing.
+        q: (n, nj) rad, readings at these times, not resampled, as each counts as one with noise of its own; missing
+            ones are bridged.
         sigma: (nj,) rad, white noise.
     """
-    first = max(CONSTANT, int(np.searchsorted(time - time[0], CONSTANT_S, side="right")))
-    q, steps = q[:first][::-1], np.diff(time[:first])[::-1]
-    guess = np.nan_to_num(q[-1])  # angles are counted from here, which keeps the digits of long turns
-    state = np.zeros((q.shape[1], len(ROUGHNESS), 3))  # angle, velocity, acceleration
-    spread = np.broadcast_to(np.diag([MAX_ANGLE, *FASTEST]) ** 2, (*state.shape, 3))
-    likelihood = np.zeros(state.shape[:2])
-    for k, read in enumerate(q - guess):
-        if k:
-            h = -steps[k - 1]
-            along = np.array([[1.0, h, h**2 / 2], [0.0, 1.0, h], [0.0, 0.0, 1.0]])
-            added = [[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]]
-            state = state @ along.T
-            spread = along @ spread @ along.T - np.array(added) * (ROUGHNESS**2)[:, None, None]  # h < 0
-        seen = np.isfinite(read)[:, None]
-        variance = spread[..., 0, 0] + (sigma**2)[:, None]
-        off = np.where(seen, np.nan_to_num(read)[:, None] - state[..., 0], 0.0)
-        gain = np.where(seen[..., None], spread[..., 0] / variance[..., None], 0.0)
-        likelihood -= np.where(seen, np.log(variance) + off**2 / variance, 0.0) / 2
-        state = state + gain * off[..., None]
-        spread = spread - gain[..., None] * spread[..., None, 0, :]
-    weight = np.exp(likelihood - likelihood.max(axis=1, keepdims=True))
-    weight = (weight / weight.sum(axis=1, keepdims=True))[..., None]
-    mean = (weight * state).sum(axis=1)
-    around = state - mean[:, None]
-    with_speed = (weight * (spread[..., 1] + around * around[..., 1:2])).sum(axis=1)  # covariances with the velocity
-    (angle, speed, _), (shared, square, _) = mean.T, with_speed.T
-    # evidence for a velocity from the broad prior, over that for 0
-    if np.sum(speed**2 / square - np.log(FASTEST[0] ** 2 / square)) < 0:
-        return guess + angle - shared / square * speed, np.zeros_like(speed)
-    return guess + angle, speed
+    smoothed = smooth(time[: 2 * FEWEST], q[: 2 * FEWEST], START_HZ)
+    fits = [_fit_start(time - time[0], column, s) for column, s in zip(q.T, sigma, strict=True)]
+    found = [fit or (angle[0], speed[0]) for fit, angle, speed in zip(fits, smoothed[0].T, smoothed[1].T, strict=True)]
+    return np.array([angle for angle, _ in found]), np.array([speed for _, speed in found])
+
+
+def _fit_start(time: np.ndarray, q: np.ndarray, sigma: float) -> tuple[float, float] | None:
+    """Return the angle, rad, and velocity, rad/s, of one joint at time 0; None if no window has enough readings.
+
+    See `start_state`.
+    """
+    best = None
+    for span in WINDOWS:
+        n = int(np.searchsorted(time, span, side="right"))
+        if n < FEWEST or time[-1] < span:
+            continue
+        t, y = time[:n] / time[n - 1], q[:n] - q[0]
+        fits = [np.polynomial.Legendre.fit(t, y, degree, domain=[0.0, 1.0]) for degree in (DEGREE, DEGREE + 2)]
+        misfit = [np.sum((y - fit(t)) ** 2) for fit in fits]
+        enough = misfit[0] - misfit[1] < SUSPECT * sigma**2
+        fit = fits[0 if enough else 1]  # even the shortest window may be too long for a cubic
+        best = float(q[0] + fit(0.0)), float(fit.deriv()(0.0) / time[n - 1])
+        if enough:
+            break
+    return best
