@@ -104,12 +104,17 @@ def test_marks_of_one_joint_stay_within_the_robots_picture(run, diagnosis):
 
 def test_screening_scores_are_on_a_logarithmic_axis(run, diagnosis):
     scores = (2.6e10, 1.3e10, 1.8e8, 4.3e5, 0.0)
-    record = {**diagnosis(), "screening": [{"effect": "payload", "where": "flange", "score": s} for s in scores]}
+    rows = [{"effect": "coulomb_friction", "where": f"joint{i}", "score": s} for i, s in enumerate(scores)]
+    again = [{**rows[0], "score": 1.1e4}, {"effect": "payload", "where": "flange", "score": -60.4}]
+    record = {**diagnosis(), "screening": [*again, *rows]}
     shown: Any = candidates(load_record(run(record)))
     assert shown["ends"] == ("100000", "10¹¹") and shown["screened"][0]["score"] == "2.60 × 10¹⁰"
+    assert [row["effect"] for row in shown["screened"]] == [f"coulomb_friction(joint{i})" for i in range(4)], (
+        "each once at its best score, and none that does not fit"
+    )
     ends = [float(re.findall(r"H([\d.]+)", row["bar"])[1]) - 5.0 for row in shown["screened"]]
     share = (np.log10(scores[:4]) - 5) / 6
-    assert ends == pytest.approx([*(180 * share), 1.0], abs=0.1)
+    assert ends == pytest.approx(list(180 * share), abs=0.1)
     assert powers(3e-7) == "3.00 × 10⁻⁷" and powers(12.5) == "12.5"
 
 
@@ -141,4 +146,6 @@ def test_what_comes_next_in_one_sentence(diagnosis):
         "why": "no motion of the menu separates A from B by 3 sigma",
         "expected_separation_sigma": 0.1,
     }
+    sure = {"motion": "chirp", "why": "separates A from B", "expected_separation_sigma": 795.04}
+    assert words.onward({"next_experiment": sure}) == "Record chirp: it separates A from B, by an expected 795 sigma."
     assert words.onward({"next_experiment": undecided}) == "No motion of the menu separates A from B by 3 sigma."

@@ -35,5 +35,8 @@ def test_the_page_tells_what_of_it_was_confirmed(run, diagnosis):
     part = part[part.index("<table") :]
     first, second = part.split("<tr>")[2:4]
     assert "Coulomb friction in joint 4" in first and "93 %" in first and "hysteresis" in first
+    assert "<td>1.31 N m</td>" in first, "in a column of its own without brackets"
     assert "<td>no</td>" in second
+    many = diagnosis() | {"proposal": proposed(*({**FRICTION, "where": f"joint{i}"} for i in range(9)))}
+    assert "<details><summary>Table of 9 likely effects" in write_report(run(many), overwrite=True).read_text()
     assert "First proposal" not in write_report(run(diagnosis() | {"proposal": None}), overwrite=True).read_text()

@@ -18,7 +18,7 @@ MOST_SCREENED = 20  # most rows of the ranking that are shown
 def context(record: Record) -> Mapping[str, object]:
     """Return the tried candidates by decreasing gain, and the ranking of the screening."""
     tried = sorted(record.rows("candidates"), key=lambda row: -_sortable(row.get("heldout_gain")))
-    screened = sorted(record.rows("screening"), key=lambda row: -_sortable(row.get("score")))
+    screened = _screened(record)
     top = screened[:MOST_SCREENED]
     low, high = _decades([number(row.get("score")) for row in top])
     return {
@@ -50,6 +50,18 @@ def context(record: Record) -> Mapping[str, object]:
         "unscreened": max(0, len(screened) - MOST_SCREENED),
         "kept": [label(row) for row in record.rows("effects")],
     }
+
+
+def _screened(record: Record) -> list[Mapping[str, Any]]:
+    """Return each screened effect once, at the step where it scored best, by decreasing score.
+
+    A score of zero or less says that the effect does not fit, so these are left out.
+    """
+    best: dict[str, Mapping[str, Any]] = {}
+    for row in sorted(record.rows("screening"), key=lambda row: -_sortable(row.get("score"))):
+        if _positive(row.get("score")):
+            best.setdefault(label(row), row)
+    return [*best.values()]
 
 
 def _by_model(tried: Iterable[dict[str, str]]) -> list[Mapping[str, object]]:

@@ -183,12 +183,14 @@ def _row(effect: str, name: str, p: Mapping[str, Any]) -> dict[str, str]:
 
 def _moved(row: Mapping[str, Any]) -> dict[str, str]:
     param = bounds_of(str(row.get("effect")), str(row.get("param")))
+    before, after = number(row.get("before")), number(row.get("after"))
+    factor, unit = prefix(max(abs(before or 0.0), abs(after or 0.0)), param.unit if param else "")
     return {
         "effect": label(row),
         "param": str(row.get("param", "?")),
-        "before": plain(row.get("before"), 4),
-        "after": plain(row.get("after"), 4),
-        "unit": effect_words.unit(param.unit) if param else "",
+        "before": plain(None if before is None else factor * before, 4),
+        "after": plain(None if after is None else factor * after, 4),
+        "unit": effect_words.unit(unit),
     }
 
 

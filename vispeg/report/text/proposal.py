@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from vispeg.report.record import Record, label, rows
-from vispeg.report.text.effect_words import named, sized
+from vispeg.report.text.effect_words import named, size, sized
 from vispeg.report.text.quantities import number, plain, quantity
 
 LISTED = 8  # most effects named in a line
@@ -37,7 +37,7 @@ def table(record: Record) -> list[Mapping[str, str]]:
         out.append(
             {
                 "effect": named(row),
-                "size": sized(row).removeprefix(named(row)).strip(" ,:"),
+                "size": size(row) or "–",
                 "share": _percent(row.get("share")),
                 "equals": ", ".join(map(label, equals)) or "–",
                 "confirmed": "yes" if keys[0] in found else "in its place" if found & {*keys[1:]} else "no",

@@ -12,7 +12,7 @@ from vispeg.report.record import label, rows
 from vispeg.report.text import effect_words, joint_errors
 from vispeg.report.text.effect_words import named as named_effect
 from vispeg.report.text.effect_words import sized
-from vispeg.report.text.quantities import fold, number, quantity, scaled
+from vispeg.report.text.quantities import fold, number, plain, quantity, scaled
 
 NEAR_FLOOR = 1.2  # a held-out error up to this many noise floors is called "at the noise floor"
 MOST_NAMED = 5  # with more effects, a sentence gives only their number
@@ -120,7 +120,7 @@ def spread(name: str, ends: Mapping[str, Any], unit: str) -> str:
 def diverged(values: Mapping[str, Any]) -> list[str]:
     """Return a sentence on each recording in which the model diverged."""
     return [
-        f"The model diverged in {row['recording']}, {row['time_s']:.3g} s after its start: its loop is unstable. No "
+        f"The model diverged in {row['recording']}, {plain(row['time_s'])} s after its start: its loop is unstable. No "
         "error below counts that recording."
         for row in rows(values, "diverged")
     ]
@@ -290,7 +290,7 @@ def onward(values: Mapping[str, Any]) -> str:
         )
     motion, why = str(following.get("motion") or ""), str(following.get("why") or "").rstrip(".")
     sigma = number(following.get("expected_separation_sigma"))
-    expected = f", by an expected {sigma:.2g} sigma" if sigma and motion else ""  # zero means not predicted
+    expected = f", by an expected {plain(sigma, 2)} sigma" if sigma and motion else ""  # zero means not predicted
     return f"Record {motion}: it {why}{expected}." if motion and why else f"{motion or why[0].upper() + why[1:]}."
 
 
