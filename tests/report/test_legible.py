@@ -4,6 +4,7 @@ import re
 import subprocess
 
 import browser
+import numpy as np
 import pytest
 
 from vispeg.evaluation.gap import gap
@@ -124,3 +125,34 @@ def test_a_column_of_a_heat_map_has_its_name_above_it(tmp_path):
     command = [browser.chromium(), "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", page.as_uri()]
     shown = subprocess.run(command, capture_output=True, text=True, timeout=240, check=True).stdout
     assert abs(float(re.findall("<title>(.*)</title>", shown)[0])) < 2
+
+
+PAPER = 688  # px between the margins of A4
+
+
+@pytest.mark.skipif(browser.chromium() is None, reason="needs Chromium")
+def test_no_table_is_wider_than_paper(tmp_path):
+    """A browser shrinks every page to the widest table, and cuts off what is wider still."""
+    library = pytest.importorskip("playwright.sync_api", reason="the browser's driver is not installed")
+    names = [f"manipulator_joint{i + 1}" for i in range(7)]
+    record, arrays = example_diagnosis("unexplained"), example_evidence(n=400, recordings=1)
+    torque = {"value": -0.159, "low": -20.0, "high": 0.108, "unit": "N m"}
+    rivals = [{"effect": "cable_spring", "where": name} for name in names[:2]]
+    both = {"effect": "hysteresis", "params": {"torque": torque, "stiffness": {**torque, "unit": "N m/rad"}}}
+    both |= {"indistinguishable_from": rivals, "explains": 0.113, "without": 4.4, "share": 0.3, "equals": rivals}
+    record["effects"] = [{**both, "where": names[i % 7]} for i in range(12)]
+    matrix = [[float(i == j) for j in range(24)] for i in range(24)]
+    record["correlations"] = {"labels": [f"hysteresis({names[0]}).p{i}" for i in range(24)], "matrix": matrix}
+    record["proposal"] = {"torque": "measured", "unit": "N m RMS", "before": 1.0, "after": 0.1}
+    record["proposal"] |= {"effects": record["effects"], "joints": []}
+    page = written(tmp_path, record, {**arrays, "joints": np.array(names)}) / "report.html"
+    page.write_text(report(load_record(page.parent)), encoding="utf-8")
+    path = browser.chromium()
+    with library.sync_playwright() as driver:
+        window = driver.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        sheet = window.new_page(viewport={"width": PAPER, "height": 970})
+        sheet.emulate_media(media="print")
+        sheet.goto(page.as_uri())
+        assert sheet.get_by_text("RMS residual of every held-out recording").is_visible()
+        assert sheet.evaluate("document.documentElement.scrollWidth") <= PAPER
+        window.close()
