@@ -6,9 +6,11 @@ import pytest
 from bare_arm import bare
 
 from vispeg.core.seeds import stream
+from vispeg.report.live.arm import arm_arrays, picked, stage
 from vispeg.report.live.shapes import skeleton
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled
+from vispeg.worlds.world import World
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -26,6 +28,14 @@ def test_links_without_shapes_reach_from_joint_to_joint(tmp_path, seed):
         ends = data.xmat[parent].reshape(3, 3).T @ (data.xpos[child] - data.xpos[parent])
         for end in (np.zeros(3), ends):  # round caps about both joints
             assert np.linalg.norm(vertices - end, axis=1).min() == pytest.approx(radius, rel=0.02)
+
+
+def test_a_report_draws_them_too(tmp_path):
+    (tmp_path / "bare.urdf").write_text(bare(stream(0, "bare")))
+    world = World(load(tmp_path / "bare.urdf").source)
+    model = compiled(load(world.robot))
+    arm = arm_arrays(world, [model.joint(j).name for j in range(model.njnt)])
+    assert set(arm["arm/body"]) == {int(b) for b in model.jnt_bodyid} and stage(picked(arm))["parts"]
 
 
 def test_links_with_shapes_get_none():

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
-from vispeg.report.live.shapes import colour_of, shape_of, skeleton, visible
+from vispeg.report.live.shapes import BARE, colour_of, shape_of, skeleton, visible
 
 if TYPE_CHECKING:
     import viser
 
 G = mujoco.mjtGeom
-BARE = (150, 158, 168), (21, 101, 179)  # alternating colours of links without shapes
 
 
 @dataclass(frozen=True)

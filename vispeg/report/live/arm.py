@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.report.live.shapes import colour_of, shape_of, simplified, visible
+from vispeg.report.live.shapes import BARE, colour_of, shape_of, simplified, skeleton, visible
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled
 from vispeg.worlds.world import World
@@ -96,7 +96,10 @@ def _turns(model: mujoco.MjModel, j: int) -> bool:
 
 
 def _shapes(model: mujoco.MjModel) -> list[tuple[np.ndarray, np.ndarray, int, np.ndarray]]:
-    """Return (vertices in the body, faces, body, colour) of drawn shapes except planes; [] from 2**16 vertices on."""
+    """Return (vertices in the body, faces, body, colour) of drawn shapes except planes; [] from 2**16 vertices on.
+
+    Links without shapes are capsules.
+    """
     geoms = [g for g in visible(model) if model.geom_type[g] != mujoco.mjtGeom.mjGEOM_PLANE]
     shapes = [(g, shape) for g in geoms if (shape := shape_of(model, g)) is not None]
     total, out = sum(len(faces) for _, (_, faces) in shapes), []
@@ -107,6 +110,7 @@ def _shapes(model: mujoco.MjModel) -> list[tuple[np.ndarray, np.ndarray, int, np
         placed = vertices @ turn.reshape(3, 3).T + model.geom_pos[g]
         colour = np.round(255 * np.clip(colour_of(model, g), 0, 1)).astype(np.uint8)
         out.append((placed, faces, int(model.geom_bodyid[g]), colour))
+    out += [(v, f, body, np.array(BARE[k % 2], np.uint8)) for k, (body, v, f) in enumerate(skeleton(model))]
     return out if sum(len(v) for v, *_ in out) < 2**16 else []  # the page's indices have 16 bits
 
 

@@ -9,6 +9,7 @@ from vispeg.robots.solids import box, capsule, solid
 
 G = mujoco.mjtGeom
 SECTIONS = 24  # number of sides that approximate a circle
+BARE = (150, 158, 168), (21, 101, 179)  # alternating colours of links without shapes
 HIDDEN = 3  # geom groups from this on are collision shapes and markers
 
 

@@ -57,8 +57,8 @@ function armStage(root, stage) {
     gl.uniformMatrix4fv(at.view, false, times(perspective(canvas.width / canvas.height), look(from, eye.target)));
     gl.uniform3fv(at.eye, from);
     gl.uniform1f(at.scale, arm.scale);
-    const now = root.tracks[track], k = nearest(now.time, time), enlarged = +one("times").value;
-    one("factor").textContent = enlarged + " ×";
+    const now = root.tracks[track], k = nearest(now.time, time), enlarged = +one("times")?.value; // no slider, no model to draw
+    if (enlarged) one("factor").textContent = enlarged + " ×";
     const measured = angles(now, k);
     gl.disable(gl.BLEND);
     shape(measured, [0, 0, 0, 0]);
