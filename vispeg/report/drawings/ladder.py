@@ -6,7 +6,18 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from vispeg.report.drawings.figures import AFTER, BEFORE, MEASURED, MUTED, WIDE, Shape, legend, new_figure, quiet
+from vispeg.report.drawings.figures import (
+    AFTER,
+    BEFORE,
+    GROUND,
+    MEASURED,
+    MUTED,
+    WIDE,
+    Shape,
+    legend,
+    new_figure,
+    quiet,
+)
 from vispeg.report.record import Record
 from vispeg.report.text import effect_words, words
 from vispeg.report.text.quantities import fold, number, plain, prefix, quantity
@@ -59,6 +70,7 @@ def ladder_figure(record: Record, shape: Shape = WIDE) -> Figure | None:
     values = positive + ([floor] if floor else []) + [f for f in fits if f is not None and f > 0]
     left, right = factor * min(min(values) / 1.8, max(values) / 12), factor * max(values)
     right *= max(1.6, (right / left) ** (0.7 if shape.narrow else 0.3))  # room for the label beside a bar
+    clear: Any = {"facecolor": GROUND, "edgecolor": "none", "pad": 0.5}  # behind text that the noise floor would cross
     figure = new_figure((1.1 if shape.narrow else 0.95) + (0.62 if shape.narrow else 0.44) * len(ladder), shape.width)
     ax = figure.add_subplot()
     for i, (name, held, _) in enumerate(ladder):
@@ -68,11 +80,11 @@ def ladder_figure(record: Record, shape: Shape = WIDE) -> Figure | None:
             ax.barh(i, max(0.0, factor * held - left), left=left, height=0.5, color=colour, alpha=alpha)
         text = "not known" if held is None else _label(held * factor, scaled_unit, ladder[0][1] if i else None, held)
         end = left if held is None else max(left, factor * held)
-        ax.annotate(text, (end, i), (6, 0), textcoords="offset points", va="center", fontweight="bold")
+        ax.annotate(text, (end, i), (6, 0), textcoords="offset points", va="center", fontweight="bold", bbox=clear)
         if (fit := fits[i]) is not None and fit > 0:  # the mark is below the bar, not between the bar and its label
             ax.plot(factor * fit, i + 0.36, marker="^", markersize=5, color=MEASURED, clip_on=False)
         if shape.narrow:
-            ax.annotate(_shorten(name), (left, i - 0.27), (0, 1), textcoords="offset points", va="bottom")
+            ax.annotate(_shorten(name), (left, i - 0.27), (0, 1), textcoords="offset points", va="bottom", bbox=clear)
     _log_axis(ax, left, right)
     ax.set_xlabel(f"{words.error_name(record.values).lower()} ({scaled_unit}), log scale")
     ax.set_ylim(len(ladder) - 0.4, -0.75 if shape.narrow else -0.5)
