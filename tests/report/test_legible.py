@@ -156,3 +156,31 @@ def test_no_table_is_wider_than_paper(tmp_path):
         assert sheet.get_by_text("RMS residual of every held-out recording").is_visible()
         assert sheet.evaluate("document.documentElement.scrollWidth") <= PAPER
         window.close()
+
+
+@pytest.mark.skipif(browser.chromium() is None, reason="needs Chromium")
+def test_ticks_of_a_zoomed_chart_differ(tmp_path):
+    """Three digits were too few: 12.5 s, 12.5 s, 12.5 s."""
+    library = pytest.importorskip("playwright.sync_api", reason="the browser's driver is not installed")
+    evidence = example_evidence(n=6000, recordings=1, nj=1)
+    page = written(tmp_path, example_diagnosis(), evidence) / "report.html"
+    page.write_text(report(load_record(page.parent)), encoding="utf-8")
+    path = browser.chromium()
+    with library.sync_playwright() as driver:
+        window = driver.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        sheet = window.new_page()
+        sheet.add_init_script("""window.texts = [];
+            const canvas = CanvasRenderingContext2D.prototype, draw = canvas.fillText;
+            canvas.fillText = function (text, ...at) { texts.push(text); return draw.call(this, text, ...at); };""")
+        sheet.goto(page.as_uri())
+        sheet.locator("[data-traces] .plots").focus()
+        sheet.keyboard.press("End")
+        for _ in range(6):
+            sheet.keyboard.press("+")
+        sheet.wait_for_timeout(300)
+        sheet.evaluate("texts.length = 0")
+        sheet.keyboard.press("+")
+        sheet.wait_for_function("() => texts.some((text) => text.endsWith(' s'))")
+        ticks = {text for text in sheet.evaluate("texts") if text.endswith(" s")}
+        window.close()
+    assert len(ticks) >= 4, ticks  # of a chart half as wide as the window; 11.9 and 12 before

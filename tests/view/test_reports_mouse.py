@@ -78,7 +78,7 @@ def test_keys_move_the_cursor_zoom_and_tell_the_values(opened):
     page.wait_for_selector("[data-traces] .spoken:not(:empty)", state="attached")  # told when the cursor rests
     third = page.evaluate(READ)
     assert float(third["times"][0].split()[0]) - later == pytest.approx(3.0 / 40, rel=0.3), "the zoom halved the view"
-    assert re.search(r"at [\d.]+ s: measured -?[\d.]+ m?rad, model", third["spoken"])
+    assert re.search(r"at [\d.]+ s: measured −?[\d.]+ m?rad, model", third["spoken"])
 
 
 def test_the_arms_joints_are_where_mujoco_has_them(opened, rigs):

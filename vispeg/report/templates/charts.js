@@ -5,7 +5,8 @@ const charts = (() => {
   const SMALLER = [["", 1], ["m", 1e3], ["µ", 1e6]], KEYS = "Arrow keys move the cursor, plus and minus zoom, 0 shows all.";
   let stacks = 0;
 
-  const number = (v) => String(+v.toPrecision(3));
+  const number = (v, digits = 3) => String(+v.toPrecision(digits)).replaceAll("-", "−");
+  const tick = (v) => number(v, 10); // uPlot rounds ticks to their step; three digits would repeat in a zoomed chart
 
   function element(tag, name, text) {
     const made = document.createElement(tag);
@@ -98,8 +99,8 @@ const charts = (() => {
         cursor: { sync: { key: this.key, scales: ["x", null] }, drag: { x: true, y: false } },
         scales: { x: { time: false } },
         axes: [
-          { ...axis, size: 26, values: (u, v) => v.map((t) => number(t) + " s") },
-          { ...axis, size: 58, space: 22, values: (u, v) => v.map((y) => number(y * u.prefix[1])) },
+          { ...axis, size: 26, values: (u, v) => v.map((t) => tick(t) + " s") },
+          { ...axis, size: 58, space: 22, values: (u, v) => v.map((y) => tick(y * u.prefix[1])) },
         ],
         hooks: {
           setScale: [(u, key) => { if (key === "x") this.follow(u); }],
