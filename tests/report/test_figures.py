@@ -13,7 +13,8 @@ from vispeg.report.drawings.camera_residuals import residual_figure
 from vispeg.report.drawings.figures import WIDE, legend, new_figure, saved, styled, svg, thin
 from vispeg.report.drawings.signature import signature_panels
 from vispeg.report.drawings.strips import interval_strip, place
-from vispeg.report.sections.maps import scale_levels
+from vispeg.report.evidence import ResidualMap
+from vispeg.report.sections.maps import maps_picture, scale_levels
 
 
 def test_thinning_keeps_extremes_order_and_gaps():
@@ -121,3 +122,10 @@ def test_frames_of_two_episodes_are_two_lines_over_time():
     assert len(over_time) == 3
     for line in over_time:
         assert list(line.get_xdata()) == [0.0, 1.0, 2.0] and len(set(line.get_ydata())) == 1
+
+
+def test_the_middle_of_a_measured_range_is_zero_on_the_axis_of_a_map():
+    """Of -1.8337 to 1.8333 rad the middle was written as -0.00019."""
+    cells = np.full((1, 12), 2.0)
+    drawn = maps_picture([ResidualMap("position", np.linspace(-1.8337, 1.8333, 13), cells, cells)], ("joint1",))
+    assert ">0<" in drawn and "−0.92" in drawn and "0.000" not in drawn

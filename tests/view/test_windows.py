@@ -2,7 +2,12 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from vispeg.report.sections.found import share, without
+from vispeg.view import html
+from vispeg.view.diagnose.standing import Field, Standing, Track
 
 pytest.importorskip("viser", reason="the extra 'view' is not installed")
 
@@ -57,3 +62,37 @@ def test_no_page_has_a_serious_finding_of_axe_or_lacks_a_panel(rigs, page_of, se
                 page.get_by_text("Diagnose", exact=True).first.scroll_into_view_if_needed()
         elif one.title == "Training":  # without a run it has none
             assert not button.is_visible()
+
+
+def test_a_cell_of_the_map_has_its_number_on_one_line(chromium):
+    """With 362 times the noise a cell of 19 px said 36 above 2."""
+    field = Field(np.linspace(-1.0, 1.0, 13), np.full((1, 12), 362.0), np.full((1, 12), 362.0), np.ones((1, 12, 2)))
+    zero = np.zeros((2, 1))
+    track = Track("rig-c", np.arange(2.0), zero, zero, zero, zero)
+    sides = {"joints": ("elbow",), "columns": ("elbow",), "units": ("rad",), "tracks": (track, track), "ladder": ()}
+    rest = {
+        "shows": "Torque",
+        "unit": "rad",
+        "floor": 1.0,
+        "effects": (),
+        "initial": (),
+        "judged": True,
+        "enough": False,
+    }
+    standing = Standing(**sides, **rest, maps={"speed": field})
+    page = chromium.new_page(viewport={"width": 300, "height": 300})
+    page.set_content(html.style() + html.heat(standing, "speed", "", "go"))
+    cells = page.locator("td button")
+    assert cells.all_inner_texts() == 12 * ["362"]
+    lines = """() => [...document.querySelectorAll('td button')].map((cell) => { const range = document.createRange();
+        range.selectNodeContents(cell); return range.getClientRects().length; })"""
+    assert page.evaluate(lines) == 12 * [1]
+    assert page.evaluate("[...document.querySelectorAll('td button')].every(b => b.scrollWidth <= b.clientWidth + 1)")
+    page.close()
+
+
+def test_the_page_says_what_each_effect_explains_in_the_report_s_words():
+    effect = {"effect": "coulomb_friction", "where": "joint4", "explains": 0.998, "without": 21.4}
+    said = html.reported("found is written.", {"effects": [effect, {**effect, "explains": None, "without": None}]})
+    assert said.count("Coulomb friction in joint 4") == 2 and said.count("explains") == 1
+    assert f"explains {share(effect)}" in said and f"without it {without(effect)}" in said

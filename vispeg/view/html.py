@@ -5,13 +5,16 @@ from __future__ import annotations
 import base64
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vispeg.report.page import templates
-from vispeg.report.sections.maps import LABELS, SHADES
+from vispeg.report.record import rows
+from vispeg.report.sections.found import share, without
+from vispeg.report.sections.maps import LABELS, SHADES, rounded
 from vispeg.report.text import words
+from vispeg.report.text.effect_words import sized
 from vispeg.report.text.quantities import plain, prefix, quantity
 from vispeg.view.diagnose.standing import Field, Standing, Tried
 
@@ -53,6 +56,12 @@ def window(target: str) -> str:
 def note(text: str) -> str:
     """Return text as a paragraph."""
     return _page("note", text=text)
+
+
+def reported(text: str, record: Mapping[str, Any]) -> str:
+    """Return text as a paragraph, and what each effect of a record explains, in the words of the report."""
+    effects = [(sized(e), share(e), without(e)) for e in rows(record, "effects")]
+    return _page("reported", text=text, effects=effects)
 
 
 def next_step(title: str, text: str, steps: tuple[str, ...] = (), at: int = 0) -> str:
@@ -113,7 +122,7 @@ def heat(standing: Standing, axis: str, chosen: str, target: str) -> str:
     for j, column in enumerate(standing.columns):
         cells = [_cell(standing, field, j, i, top, column) for i in range(field.now.shape[1])]
         rows.append((column, short[j], cells))
-    edges = [plain(0.0 if abs(e) < 1e-9 else e, 2) for e in field.edges]
+    edges = [plain(e, 2) for e in rounded(np.asarray(field.edges))]
     ends = field.labels or (edges[0], edges[len(edges) // 2], edges[-1])
     words = {"shows": standing.shows, "label": AXES[axis], "chosen": chosen, "target": target}
     wide = min(max(map(len, short)), WIDEST)
@@ -129,8 +138,8 @@ def _cell(standing: Standing, field: Field, j: int, i: int, top: float, column: 
     if not np.isfinite(value) or not np.isfinite(field.moment[j, i]).all():
         return None
     track, time = int(field.moment[j, i, 0]), float(field.moment[j, i, 1])
-    ranged = f"{plain(field.edges[i], 2)} to {plain(field.edges[i + 1], 2)}"
-    cell = field.labels[i] if field.labels else ranged
+    low, high = (plain(edge, 2) for edge in rounded(np.asarray(field.edges))[i : i + 2])
+    cell = field.labels[i] if field.labels else f"{low} to {high}"
     share = float(np.clip(np.log(max(value, 1.0)) / np.log(top), 0, 1))
     colour, dark = _shade(share)
     title = f"{column}, {cell}: {plain(value, 2)} times the noise; {standing.tracks[track].name}, {time:.2f} s"

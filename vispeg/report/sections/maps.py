@@ -111,23 +111,24 @@ def _map(
     ax.set_ylim(len(joints), 0)
     ax.set_yticks(np.arange(len(joints)) + 0.5, joints)
     ticks = np.arange(0, k + 1, max(1, math.ceil(k / parts)))
-    edges = _edges(residual)
+    edges = rounded(residual.edges)
     ax.set_xticks(ticks, [plain(edges[i], 2) for i in ticks])
     ax.tick_params(length=0)
     for side in ax.spines.values():
         side.set_visible(False)
 
 
-def _edges(residual: ResidualMap) -> np.ndarray:
-    """Return the edges of the bins, with rounding errors around zero set to zero."""
-    return np.where(np.abs(residual.edges) < 1e-6 * np.ptp(residual.edges), 0.0, residual.edges)
+def rounded(edges: np.ndarray) -> np.ndarray:
+    """Round the edges of bins to two digits of the narrowest bin, so that the middle of -1.8337 to 1.8333 is 0."""
+    width = float(np.diff(edges).min(initial=np.inf))
+    return np.round(edges, 1 - math.floor(math.log10(width))) if 0 < width < np.inf else edges
 
 
 def _worst(values: np.ndarray, residual: ResidualMap, joints: tuple[str, ...]) -> str:
     if not np.isfinite(values).any():
         return "not known"
     j, i = np.unravel_index(int(np.nanargmax(values)), values.shape)
-    low, high = (plain(edge, 2) for edge in _edges(residual)[i : i + 2])
+    low, high = (plain(edge, 2) for edge in rounded(residual.edges)[i : i + 2])
     label = LABELS[residual.axis] if residual.axis != "phase" else ""
     unit = label.partition("(")[2].rstrip(")").replace("share of the joint's", "of its")
     size = values[j, i]

@@ -371,7 +371,7 @@ class StudyPage(Page):
         self.motion.visible = self._result("next_experiment/samples.csv") is not None
         self.page.visible = self._result("report.html") is not None
         text = f"{folder} is written. Verdict: {record['verdict']}. {words.onward(record)}"
-        self.written.content = html.note(text)
+        self.written.content = html.reported(text, record)
 
     def _stand(self, standing: Standing) -> None:
         """Show a new state of the search."""
