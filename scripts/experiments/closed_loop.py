@@ -24,7 +24,7 @@ import yaml
 from vispeg.cli.main import main as vispeg
 from vispeg.core.seeds import stream
 from vispeg.evaluation.statistics import ceiling, measured_correlation, wilson
-from vispeg.trials.trial import read_trials
+from vispeg.trials.trial import folders, read_said
 from vispeg.worlds.model_file import load_model, placed_dict
 
 POLICY = "depth-S-randomized"
@@ -71,7 +71,7 @@ def play(place: Path, world: Path, policy: object, name: str, episodes: int, rob
             out = place / f"{name}-played"
             argv = ("--episodes", episodes, "--videos", 0, "--keep-trials", trials, "--out", out)
             command("evaluate", policy, "--world", world, *argv)
-    return [said.outcome.success for said in read_trials(trials)]
+    return [read_said(folder).outcome.success for folder in folders(trials)]
 
 
 def diagnosed(place: Path, effect: dict[str, Any]) -> Path:

@@ -6,7 +6,7 @@ from fits import evidence, fit, judge, lost
 from loops import hinge, swings
 
 from vispeg.core.effect import EffectInstance
-from vispeg.diagnosis.conclusion.rivals import _compare, _put_in, _tried, grown_from
+from vispeg.diagnosis.conclusion.rivals import _put_in, _tried, compared, grown_from
 from vispeg.diagnosis.findings import Gain, Score, Trial
 from vispeg.diagnosis.record import candidates
 from vispeg.diagnosis.selection import law
@@ -106,7 +106,7 @@ def test_what_cannot_be_told_from_an_effect_is_recorded_as_such():
         Trial(Score(e, 1.0), fit(World().add(e)), loss, judge().gain(lost(99.0 * spread), loss))
         for e, loss in zip(others, losses, strict=True)
     ]
-    rivals = _compare(Search(evidence(), judge()), state, chosen.label, trials, 99.0)
+    rivals = compared(judge(), state, chosen.label, trials, 99.0)
     said = {row["effect"]: row["rejected_because"] for row in candidates(state, [rivals], 0)}
     assert [t.score.placed.effect for t in rivals.equals] == ["viscous_friction"]
     assert said == {

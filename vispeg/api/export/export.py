@@ -5,13 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from vispeg.core.errors import UserError
-
 if TYPE_CHECKING:
     from vispeg.api.export.model import ExportedModel
     from vispeg.api.export.policy import ExportedPolicy
-
-ENDINGS = {"onnx": ".onnx", "mjcf": ".xml", "urdf": ".urdf"}
 
 
 def export(
@@ -41,10 +37,3 @@ def export(
     from vispeg.api.export.model import export_model
 
     return export_model(source, out, to, overwrite=overwrite)
-
-
-def check_ending(out: Path, to: str) -> None:
-    """Raise UserError if a file's ending does not match its format."""
-    if out.suffix.lower() != ENDINGS[to]:
-        expected = f"a name that ends in {ENDINGS[to]} (--to {to})"
-        raise UserError(f"not an {to.upper()} file", key="--out", expected=expected, got=str(out))

@@ -9,12 +9,13 @@ from typing import Literal
 
 import mujoco
 
-from vispeg.api.export.export import check_ending
-from vispeg.api.export.urdf import to_urdf
+from vispeg.api.export.ending import check_ending
+from vispeg.api.export.urdf import Urdf, to_urdf
 from vispeg.api.inputs import read_model
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_files_atomic
 from vispeg.core.marker import apart
+from vispeg.core.notes import note
 from vispeg.render.cameras import model_camera
 from vispeg.render.cameras.standard import standard_cameras
 from vispeg.report.text.summary import Block, Line, html
@@ -119,6 +120,8 @@ def export_model(
     if path.exists() and not overwrite:
         raise UserError("exists already; name another or pass --overwrite", file=path)
     write_files_atomic({**meshes, path: exported.xml.encode()}, overwrite=overwrite)
+    if isinstance(exported, Urdf) and not exported.collides:
+        note(f"{world.robot}: no shape of the model collides, so the URDF has no <collision>")
     native, left_out = ([e.label for e in effects] for effects in (exported.native, exported.left_out))
     more = {} if isinstance(exported, Exported) else {"rotors": exported.rotors, "lacking": exported.lacking}
     return ExportedModel(path, to, world.robot, [*exported.meshes], native, left_out, **more)

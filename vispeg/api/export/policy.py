@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from vispeg.api.export.export import check_ending
+from vispeg.api.export.ending import check_ending
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.report.text.summary import Block, Line, html

@@ -15,7 +15,6 @@ from trimesh.exchange.stl import export_stl
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
-from vispeg.core.notes import note
 from vispeg.report.live.shapes import rgba_of, visible
 from vispeg.robots.model import GRAVITY, RobotModel, load
 from vispeg.sim.export import compiled_with, free_name, is_native, listed
@@ -39,6 +38,7 @@ class Urdf:
         rotors: joint -> rotor inertia of the model, kg m2, which URDF has no element for.
         lacking: what else of the model URDF has no element for, such as `springs of joint1`.
         meshes: path in the text -> content of the mesh file.
+        collides: whether any shape of the model collides; else the URDF has no <collision>.
     """
 
     xml: str
@@ -47,6 +47,7 @@ class Urdf:
     rotors: Mapping[str, float]
     lacking: tuple[str, ...]
     meshes: Mapping[str, bytes]
+    collides: bool
 
 
 @dataclass(frozen=True)
@@ -92,8 +93,6 @@ def to_urdf(world: World, meshes: str = "meshes") -> Urdf:
         _inertial(links[b], model, b, shift[b])
     roles = _roles(plain)
     files = _meshes(plain, [g for geoms in roles.values() for g in geoms], meshes)
-    if not roles["collision"]:
-        note(f"{world.robot}: no shape of the model collides, so the URDF has no <collision>")
     for role, geoms in roles.items():
         for g in geoms:
             b = model.body(plain.body(plain.geom_bodyid[g]).name).id
@@ -112,7 +111,9 @@ def to_urdf(world: World, meshes: str = "meshes") -> Urdf:
     xml.indent(root)
     contents = {mesh.file: mesh.stl for mesh in files.values()}
     text = '<?xml version="1.0"?>\n' + listed(left_out, "URDF") + xml.tostring(root, encoding="unicode") + "\n"
-    return Urdf(text, native, left_out, rotors, _lacking(model, plain, roles, mimics), contents)
+    return Urdf(
+        text, native, left_out, rotors, _lacking(model, plain, roles, mimics), contents, bool(roles["collision"])
+    )
 
 
 def _mimics(model: mujoco.MjModel) -> dict[int, int]:
