@@ -66,7 +66,7 @@ def test_interrupted_after_its_first_effect_it_goes_on(vispeg, swings, worked_ou
     assert vispeg("diagnose", robot, *COMMAND, "--out", "whole")[0] == 0
     asked = worked_out()
     with monkeypatch.context() as patched:
-        patched.setattr(Search, "_grow", interrupt)
+        patched.setattr(Search, "settle", interrupt)
         assert vispeg("diagnose", robot, *COMMAND, "--out", "d")[0] == 130
     first = worked_out()
     assert 0 < first <= asked

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vispeg.core.robust import noise_of, trust
 from vispeg.identify.pictures.posture import Postures
+from vispeg.identify.pictures.robust import noise_of, trust
 
 FRAMES, TOOL, CELL, JOINTS, NOISE = 12, 130, 90, 7, 0.05
 

@@ -23,7 +23,7 @@ from vispeg.task.world_file import load_world
 # First seed of an evaluation. Training draws its seeds at random below 2^31: one training in two thousand, of two
 # thousand episodes each, meets any of 500 evaluation seeds.
 FIRST_SEED = 1_000_000
-APART = 100_000  # between the first seeds of two evaluations
+SEEDS_APART = 100_000  # between the first seeds of two evaluations
 STATE_ROWS, IMAGE_ROWS = 50, 20  # episodes side by side, without and with images
 
 
@@ -156,13 +156,13 @@ def has_eyes(who: Entrant) -> bool:
 
 
 def seeds_of(episodes: int, seed: int = 0) -> list[int]:
-    """Return the held-out seeds of an evaluation; another `seed` gives other ones, if `episodes` is below APART.
+    """Return the held-out seeds of an evaluation; another `seed` gives other ones, if `episodes` is below SEEDS_APART.
 
     Raises:
         UserError: a negative `seed`, or one whose episodes would have seeds above LAST_SEED.
     """
-    most = (LAST_SEED - FIRST_SEED - episodes) // APART
+    most = (LAST_SEED - FIRST_SEED - episodes) // SEEDS_APART
     if not 0 <= seed <= most:
         raise UserError("not a seed of an evaluation", key="--seed", expected=f"0 to {most}", got=seed)
-    start = FIRST_SEED + APART * seed
+    start = FIRST_SEED + SEEDS_APART * seed
     return list(range(start, start + episodes))

@@ -22,6 +22,7 @@ from vispeg.diagnosis.selection.prune import prune
 from vispeg.diagnosis.selection.searching import Fitting, Searching
 from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.selection.together import prior
+from vispeg.diagnosis.selection.tries import try_each
 from vispeg.identify.fit import Fit, Race
 from vispeg.worlds.places import ALL
 
@@ -134,7 +135,7 @@ def _proposed(search: Searching, state: State, n_fixed: int, say: Callable[[str]
             screened, tested = search.instead(without, e) if e.where in beyond else ([], 0)
             scores = {s.key: s for s in (*screened, *proposed)}
             tries.append((without, list(scores.values()), max(tested, len(proposed))))
-        found = search.try_each(tries, n_fixed, _goal(search, state))
+        found = try_each(search, tries, n_fixed, _goal(search, state))
         for e, without, trials in zip(part, reduced, found, strict=True):
             by_label[e.label] = compared(search.judge, state, e.label, trials, search.judge.mean(without.loss), alike)
     return [by_label.get(e.label, Rivals(e.label, (), ())) for e in state.world.effects[n_fixed:]]

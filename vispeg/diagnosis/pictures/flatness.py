@@ -12,10 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vispeg.core.robust import fit, noise_of
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.pictures.remainder import Left
 from vispeg.identify.pictures.corners import looks_of
+from vispeg.identify.pictures.robust import fit, noise_of
 from vispeg.identify.pictures.sight import Sight
 from vispeg.render.calibration.board import Board
 from vispeg.vision.board import Look, pose_of_board

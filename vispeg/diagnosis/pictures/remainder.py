@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vispeg.core.robust import fit, noise_of, trust
 from vispeg.core.rules import RULES
 from vispeg.identify.pictures.points import Points, pixels
+from vispeg.identify.pictures.robust import fit, noise_of, trust
 from vispeg.identify.pictures.sight import Sight
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World

@@ -101,7 +101,7 @@ class Search(Loop, Shown, Proposals):
     def settle(self, state: State, trial: Trial, n_fixed: int) -> None:
         """Replace a single effect by a richer one if that is better, then remove superfluous effects."""
         if not trial.score.beside:
-            self._grow(state, trial.score.placed, n_fixed)
+            grow(self, state, trial.score.placed, n_fixed)
         prune(self, state, n_fixed)
 
     def worth_it(self, state: State, n_fixed: int) -> bool:
@@ -241,13 +241,7 @@ class Search(Loop, Shown, Proposals):
         self, state: State, scores: Sequence[Score], n_fixed: int, tested: int, goal: float | None = None
     ) -> list[Trial]:
         """Fit and judge the candidates of one state, as `tries.try_each`."""
-        return self.try_each([(state, scores, tested)], n_fixed, goal)[0]
-
-    def try_each(
-        self, tries: Sequence[tuple[State, Sequence[Score], int]], n_fixed: int, goal: float | None = None
-    ) -> list[list[Trial]]:
-        """Fit and judge the candidates of several states in one batch, as `tries.try_each`."""
-        return try_each(self, tries, n_fixed, goal)
+        return try_each(self, [(state, scores, tested)], n_fixed, goal)[0]
 
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
         """Return possible replacements of an effect that `state` lacks, best first, and the number screened."""
@@ -286,10 +280,6 @@ class Search(Loop, Shown, Proposals):
             loss = self.judge.losses([fit.world])[0]
         state.take(fit, loss)
         state.cross = self.cross.loss_of(fit, fit.residual)
-
-    def _grow(self, state: State, placed: EffectInstance, n_fixed: int) -> None:
-        """Replace an effect that was just added by a richer one if that is better (`law.grow`)."""
-        grow(self, state, placed, n_fixed)
 
 
 def suspects(missing: Sequence[MissingTorque], joints: list[str]) -> list[str]:

@@ -136,12 +136,6 @@ class Searching(Fitting, ShareTesting, Protocol):
         """Return for each fitted effect what its removal costs, and what may replace it."""
         ...
 
-    def try_each(
-        self, tries: Sequence[tuple[State, Sequence[Score], int]], n_fixed: int, goal: float | None = None
-    ) -> list[list[Trial]]:
-        """Fit and judge the candidates of several (state, scores, tested) in one batch, as `try_all` does for one."""
-        ...
-
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
         """Add the effects of `trial`, one of `trials`, to the state."""
         ...

@@ -9,16 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from vispeg.effects.common.disparity import truth
+from vispeg.effects.common.disparity import disparity, truth
 from vispeg.effects.common.rays import rays
 
 
 def nearness(frame, row: int) -> np.ndarray:
     """Return 1 / depth (H, W) of an image as rendered, 1/m; 0 where nothing is seen or depth is not known."""
-    near = np.zeros(frame.shape, np.float32)
-    if (depth := truth(frame)) is not None:
-        near = np.divide(1, depth[row], out=near, where=depth[row] > 0)
-    return near
+    depth = truth(frame)
+    return np.zeros(frame.shape, np.float32) if depth is None else disparity(depth[row], np.float32(1))
 
 
 def image_flow(frame, row: int, near: np.ndarray) -> np.ndarray:

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.core.robust import noise_of, trust
 from vispeg.core.rules import RULES
 from vispeg.identify.pictures.coarse import brought_near
 from vispeg.identify.pictures.gather import gather
 from vispeg.identify.pictures.points import Points, misplacement
+from vispeg.identify.pictures.robust import noise_of, trust
 from vispeg.identify.pictures.sight import Sight
 from vispeg.identify.space import Space
 from vispeg.vision.predict import Predictor

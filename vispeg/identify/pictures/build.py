@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vispeg.core.robust import noise_of, trust
 from vispeg.core.rules import RULES
 from vispeg.identify.pictures.align import ROLLING, WINDOWS, Recall, align, rolled, unremembered
 from vispeg.identify.pictures.depth_figures import FEW, NEARER
@@ -14,6 +13,7 @@ from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.identify.pictures.gather import SPACING, gather
 from vispeg.identify.pictures.points import Item, Points
 from vispeg.identify.pictures.posture import steadied
+from vispeg.identify.pictures.robust import noise_of, trust
 from vispeg.identify.pictures.scatter import Scatter
 from vispeg.identify.pictures.sight import Sight
 from vispeg.robots.scene import Scene

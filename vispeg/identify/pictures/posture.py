@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vispeg.core.robust import fit
 from vispeg.core.rules import RULES
 from vispeg.identify.pictures.points import Points, misplacement, pixels
+from vispeg.identify.pictures.robust import fit
 from vispeg.identify.pictures.sight import Sight
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
