@@ -10,7 +10,7 @@ from loops import ARM, drive, hinge, pendulum, recorded
 from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.evidence.roles import halves, recast, shown
+from vispeg.diagnosis.evidence.roles import halves, recast, shown, sides
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.run import diagnose
 from vispeg.diagnosis.selection.judge import Judge
@@ -68,7 +68,8 @@ def test_a_recording_that_shows_something_is_held_out_beside_one_that_shows_noth
 def test_what_one_half_of_one_recording_shows_is_said_to_be_judged_nowhere(recordings):
     found, evidence, judged = roles(recordings, ["narrow", "once"], ["narrow"])
     assert found is not None
-    assert found.fitted == evidence.recordings and found.held_out == judged.recordings
+    assert found.fitted == evidence.recordings[:1], "it would hide what the others show"
+    assert found.held_out == judged.recordings
     assert "once is" in found.note and "before another shows it" in found.note and found.alone == "once"
 
 
@@ -174,6 +175,7 @@ def test_what_one_recording_alone_shows_leaves_no_model_adequate(recordings):
     record = diagnose(World(once.robot), [narrow, once], [narrow], nthread=1).record
     assert record["verdict"] == "unexplained" and record["effects"] == []
     assert record["unexplained"] is not None and record["unexplained"]["shows_in"] == "once"
+    assert record["unexplained"]["explained_share"] == 0.0
     assert record["next_experiment"] is not None and "motion like it" in record["next_experiment"]["why"]
     assert "only in once" in words.verdict(record)
 
@@ -191,9 +193,30 @@ def test_what_a_fitted_recording_alone_shows_beside_a_named_effect_leaves_the_re
         recs.append(replace(rec, path=Path("ABC"[i])))
     record = diagnose(World(robot.source), recs[:2], recs[2:], nthread=1).record
     assert record["verdict"] == "unexplained" and record["unexplained"]["shows_in"] == "B"
+    assert record["unexplained"]["explained_share"] > 0.99
     assert "what B alone shows cannot be judged" in record["reason"]
     assert words.verdict(record).endswith(
         "but what is left shows only in B, so no other recording can test an explanation."
     )
     assert [(e["effect"], e["where"]) for e in record["effects"]] == [(friction.effect, friction.where)]
     assert record["next_experiment"] is not None and "motion like it" in record["next_experiment"]["why"]
+
+
+def test_what_the_model_explains_of_a_recording_that_was_left_out_is_fitted(tmp_path):
+    """Friction shows in all, but by far most in one half of A, which no other half can judge."""
+    (tmp_path / "arm.xml").write_text(ARM)
+    robot, recs, t = load(tmp_path / "arm.xml"), [], np.arange(1000) * 5e-3
+    friction = EffectInstance.of("viscous_friction", "elbow", damping=0.3)
+    for i, peak in enumerate((0.6, 0.0, 0.0)):
+        size = 0.03 + peak * np.exp(-(((t - 1.0) / 0.4) ** 2))[:, None]
+        swing = size * (1 - np.cos(2 * np.pi * np.outer(t, [0.9 - 0.05 * i, 0.7 + 0.1 * i])))
+        s = drive(robot, "position", 0.0, command=swing, seconds=5.0, rate=200.0, kp=60.0, kd=4.0)
+        rec = recorded(robot, robot.source, World().add(friction), s, stream(5, i), h_max=1e-3)
+        recs.append(replace(rec, path=Path("ABC"[i])))
+    world = World(robot.source)
+    parts = sides(world, recs[:2], recs[2:], 1)
+    assert [r.name for r in parts.fitted] == ["B"] and parts.outdone(world) is not None
+    record = diagnose(world, recs[:2], recs[2:], nthread=1, plan_next=False).record
+    assert record["verdict"] == "identified" and record["recordings"] == {"fit": ["A", "B"], "validate": ["C"]}
+    assert [(e["effect"], e["where"]) for e in record["effects"]] == [(friction.effect, friction.where)]
+    assert not [note for note in record["notes"] if "alone shows" in note]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.beginning import of_joints
+from vispeg.diagnosis.beginning import Beginning, of_joints
 from vispeg.diagnosis.conclusion.farthest import farthest
 from vispeg.diagnosis.conclusion.intervals import of_form, widened
 from vispeg.diagnosis.conclusion.next_experiment import next_experiment, repeated
@@ -20,10 +20,10 @@ from vispeg.diagnosis.evidence.base_parameters import base_parameters
 from vispeg.diagnosis.evidence.localise import maps, missing_torque, peaks, where_it_fails
 from vispeg.diagnosis.evidence.motionless import refuse_motionless
 from vispeg.diagnosis.evidence.remainder import dependences, sizes
-from vispeg.diagnosis.evidence.roles import sides
+from vispeg.diagnosis.evidence.roles import Sides, sides
 from vispeg.diagnosis.findings import Verdict
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.proposal import placed, propose
+from vispeg.diagnosis.proposal import Proposal, placed, propose
 from vispeg.diagnosis.record import (
     candidates,
     channels,
@@ -39,6 +39,7 @@ from vispeg.diagnosis.schema import DiagnosisRecord, ProposalRecord
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.names import never_named, tentative
 from vispeg.diagnosis.selection.search import Search
+from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.traces import arrays, traces
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import TorqueEvidence
@@ -81,21 +82,21 @@ def diagnose(
     """
     still = refuse_motionless(fitted, held_out)
     parts = sides(world, fitted, held_out, nthread)
-    fitted, held_out, evidence, judged, roles = parts.fitted, parts.held_out, parts.evidence, parts.judged, parts.roles
-    if roles is not None:
-        say(roles.note)
-        still += [roles.note, *roles.converted]
-    say("asking the torques what is missing")
-    proposal = propose(world, fitted, held_out)
-    if proposal is not None:
-        likely(proposal.record)
-    judge = Judge(judged)
-    search = Search(evidence, judge, say, parts.part(progress or Progress()), lambda: placed(proposal))
-    begin = of_joints(world, [*fitted, *held_out], evidence.unit)
-    world, n_given, n_fixed = begin.world, begin.n_given, begin.n_fixed
+    progress = progress or Progress()
+    if parts.roles is not None:
+        say(parts.roles.note)
+    found = _search(world, parts, say, likely, progress)
+    if parts.whole is not None and parts.outdone(found.state.world) is None:
+        say("the model explains the recording that was left out; it is fitted too")
+        parts = parts.whole
+        found = _search(world, parts, say, likely, progress)
+    if parts.roles is not None:
+        still += [parts.roles.note, *parts.roles.converted]
+    fitted, held_out, evidence, judged = parts.fitted, parts.held_out, parts.evidence, parts.judged
+    proposal, search, begin, state = found.proposal, found.search, found.begin, found.state
+    judge, world, n_given, n_fixed = search.judge, begin.world, begin.n_given, begin.n_fixed
     rung = (begin.label, begin.first) if begin.read else None
     before_held = judged.residuals([world])[0]
-    state = search.run(begin.first, n_fixed)
     rivals = state.rivals
     after_held = judged.residuals([state.world])[0]
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
@@ -117,7 +118,7 @@ def diagnose(
     seen = (errors[0] / judged.floor, errors[1] / judged.floor)
     verdict = decide(before, after, n_added, rivals, depends, floor, mark, worst, len(begin.read), seen)
     unjudged = parts.outdone(state.world) if verdict.verdict != "unexplained" or not n_added else None
-    verdict = verdict if unjudged is None else undecided(unjudged)
+    verdict = verdict if unjudged is None else undecided(unjudged, before, after, floor)
     changing = search.changes(state, n_fixed)
     unsure = never_named(state, n_fixed)
     if verdict.partial and state.fit is not None:
@@ -191,6 +192,33 @@ def diagnose(
         ],
     }
     return Diagnosis(record, final, drawing | more)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A search that ended at `state`, with the model at which it began and what torques had proposed."""
+
+    proposal: Proposal | None
+    search: Search
+    begin: Beginning
+    state: State
+
+
+def _search(
+    world: World,
+    parts: Sides,
+    say: Callable[[str], None],
+    likely: Callable[[ProposalRecord], None],
+    progress: Progress,
+) -> _Found:
+    """Search for the effects that `world` lacks; arguments are as in `diagnose`."""
+    say("asking the torques what is missing")
+    proposal = propose(world, parts.fitted, parts.held_out)
+    if proposal is not None:
+        likely(proposal.record)
+    search = Search(parts.evidence, Judge(parts.judged), say, parts.part(progress), lambda: placed(proposal))
+    begin = of_joints(world, [*parts.fitted, *parts.held_out], parts.evidence.unit)
+    return _Found(proposal, search, begin, search.run(begin.first, begin.n_fixed))
 
 
 def _mean_square(judged: Evidence, residuals: list[np.ndarray]) -> float:

@@ -88,13 +88,15 @@ def decide(
     )
 
 
-def undecided(roles: Roles) -> Verdict:
+def undecided(roles: Roles, before: float, after: float, floor: float) -> Verdict:
     """Return the verdict where one recording alone shows what the model lacks.
 
     Args:
         roles: with the name of that recording, `alone`, and the sentence on it, `note`.
+        before, after, floor: as in `decide`.
     """
-    return left_unexplained(roles.note, explained_share=0.0, shows_in=roles.alone)
+    share = round(_explained(before, after, floor), 4) if before > floor else 0.0
+    return left_unexplained(roles.note, explained_share=share, shows_in=roles.alone)
 
 
 def confounded(names: Sequence[str], by: str = "recordings") -> str:

@@ -2,7 +2,8 @@
 
 Example: a drive saturates in two motions, but the held-out one is a third, on which saturation cannot be judged. Then
 one of the two is held out as well. If the drive saturates in a single motion, but in both halves of it, the first half
-is fitted and the second judges.
+is fitted and the second judges. If only one half shows it, no data can judge it: that recording is left out of the fit,
+so that it does not hide what the others show, until the model explains it.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ class Roles:
     """Fitted and held-out recordings, and a note on the choice.
 
     `alone` is the name of the only recording that shows what the model lacks, set if it cannot be split either, so that
-    no held-out data can judge it; else it is empty. `converted` are the notes on recordings in new roles that a new
+    no held-out data can judge it; else it is empty. It is not fitted if there are others. `converted` are the notes on recordings in new roles that a new
     evidence of them lacks (`Evidence.converted`).
     """
 
@@ -47,6 +48,7 @@ class Sides:
         fitted, held_out: the recordings.
         evidence, judged: the evidence of each.
         roles: set if no requested held-out recording shows what a fitted one shows (`recast`).
+        whole: the sides with all recordings that were to be fitted, if one is left out because it alone shows something.
     """
 
     fitted: Sequence[Recording]
@@ -54,16 +56,18 @@ class Sides:
     evidence: Evidence
     judged: Evidence
     roles: Roles | None
+    whole: Sides | None = None
 
     def outdone(self, world: World) -> Roles | None:
-        """Return these recordings, with a note, if a fitted one is much farther from `world` than all that judge.
+        """Return these recordings, with a note, if one to be fitted is much farther from `world` than all that judge.
 
         So it shows something that they do not, by which no effect is judged. None if there is no such recording.
         """
-        loud, errors, judging = louder(self.evidence, self.judged, world)
+        asked = self.whole or self
+        loud, errors, judging = louder(asked.evidence, asked.judged, world)
         if not loud:
             return None
-        name = self.fitted[int(np.argmax(errors))].name
+        name = asked.fitted[int(np.argmax(errors))].name
         names = ", ".join(r.name for r in self.held_out)
         far = f"{name} is {floors(max(errors))} × the noise floor from the model, {names} {floors(judging)} ×"
         note = f"{far}: what {name} alone shows cannot be judged before another recording shows it"
@@ -71,7 +75,7 @@ class Sides:
 
     def part(self, progress: Progress) -> Progress:
         """Return the progress of these sides: answers fitted to what judges now are not to be had again."""
-        if self.roles is None or self.held_out is not self.roles.held_out:
+        if self.roles is None:
             return progress
         return progress.part("fitted " + ", ".join(r.name for r in self.fitted))
 
@@ -79,10 +83,13 @@ class Sides:
 def sides(world: World, fitted: Sequence[Recording], held_out: Sequence[Recording], nthread: int) -> Sides:
     """Return the sides of a diagnosis of `world` with these recordings, in other roles where that is needed."""
     evidence, judged = (without_drift(e, world) for e in _both(fitted, held_out, nthread))
+    whole = Sides(fitted, held_out, evidence, judged, None)
     roles = recast(world, evidence, judged)
-    if roles is None or roles.held_out is judged.recordings:
-        return Sides(fitted, held_out, evidence, judged, roles)
-    return Sides(roles.fitted, roles.held_out, *_both(roles.fitted, roles.held_out, nthread), roles)
+    if roles is None:
+        return whole
+    both = _both(roles.fitted, roles.held_out, nthread)
+    left_out = roles.alone and len(roles.fitted) < len(fitted)
+    return Sides(roles.fitted, roles.held_out, *both, roles, whole if left_out else None)
 
 
 def _both(fitted: Sequence[Recording], held_out: Sequence[Recording], nthread: int) -> tuple[Evidence, Evidence]:
@@ -94,8 +101,7 @@ def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
     """Add a judge if fitted recordings show something that no held-out one shows (`louder`); None if none does.
 
     If several show it, the last of them judges, but never the one that shows most. If only one does, its second half
-    judges, provided both halves show it; else roles stay, `alone` is set, and the note says that nothing can be judged
-    on other data.
+    judges, provided both halves show it; else it is `alone`, and not fitted if there are others.
     """
     loud, errors, judging = louder(evidence, judged, world)
     if not loud:
@@ -117,7 +123,8 @@ def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
             return Roles(fitted, [*judged.recordings, continued(only)], note, converted=converted)
         far = f"{only.name} is {floors(max(errors))} × the noise floor from the model"
         note = f"{far}, and {names} {floors(judging)} ×: what it alone shows cannot be judged before another shows it"
-        return Roles(evidence.recordings, judged.recordings, note, only.name)
+        rest = [r for r in evidence.recordings if r is not only]
+        return Roles(rest or evidence.recordings, judged.recordings, note, only.name, converted)
     most = evidence.recordings[int(np.argmax(errors))]
     judge = [r for r in loud if r is not most][-1]
     fitted = [r for r in evidence.recordings if r is not judge]
