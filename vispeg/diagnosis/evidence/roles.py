@@ -29,8 +29,8 @@ class Roles:
     """Fitted and held-out recordings, and a note on the choice.
 
     `alone` is the name of the only recording that shows what the model lacks, set if it cannot be split either, so that
-    no held-out data can judge it; else it is empty. It is not fitted if there are others. `converted` are the notes on recordings in new roles that a new
-    evidence of them lacks (`Evidence.converted`).
+    no held-out data can judge it; else it is empty. It is not fitted if there are others. `converted` are the notes on
+    recordings in new roles that a new evidence of them lacks (`Evidence.converted`).
     """
 
     fitted: Sequence[Recording]
@@ -48,7 +48,7 @@ class Sides:
         fitted, held_out: the recordings.
         evidence, judged: the evidence of each.
         roles: set if no requested held-out recording shows what a fitted one shows (`recast`).
-        whole: the sides with all recordings that were to be fitted, if one is left out because it alone shows something.
+        whole: the sides with all fitted recordings, if one is left out of these because it alone shows something.
     """
 
     fitted: Sequence[Recording]
