@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vispeg.api.inputs import Inputs, Model, Reading, Source, of_cell, read_inputs, silent, windows
+from vispeg.api.inputs import Inputs, Model, Reading, Source, read_inputs, silent, windows
 from vispeg.api.objects import diagnose_tosses, object_world
 from vispeg.api.result import Result, Traced
 from vispeg.api.stress.remainder import Price
 from vispeg.channels import conduct
-from vispeg.channels.channel import CHANNELS, How
+from vispeg.channels.change import diagnose_change
+from vispeg.channels.channel import How
 from vispeg.channels.resolve import resolve
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import check_seed
-from vispeg.diagnosis.change import diagnose_change
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.schema import DiagnosisRecord, ProposalRecord
 from vispeg.kernels.threads import one_blas_thread
@@ -164,9 +164,6 @@ def diagnose(
         record = finite({**tosses.result.record, "provenance": tosses.provenance})
         named = tosses.result.world.effects[len(thing.effects) :]
         return DiagnosisResult(record, tosses.result.world, {}, named, tosses.files, tosses.progress)
-    contact = of_cell(model)
-    if contact and (not isinstance(baseline, Sequence) or len(baseline)):
-        raise UserError("a cell has no baseline", key="--baseline", expected="two diagnoses, one of each state")
     options = {**windows(model, seconds, recordings, validate), "hold_out": hold_out, "reading": reading}
     inputs = read_inputs(model, recordings, validate, **options)
     price = Price.of(policies, cell, episodes, inputs.world) if policies else None
@@ -175,18 +172,14 @@ def diagnose(
     progress = None if part is None else progress_of(inputs, seconds, seed, Path(part), before)
     say("going on" if progress is not None and progress.resumed else "simulating")
     both = inputs.fitted, inputs.held_out
+    how = How(seconds, seed, threads, say, likely, Progress() if progress is None else progress)
     if before is None:
         used = resolve(inputs.world, *both, asked=channels)
-        how = How(seconds, seed, threads, say, likely, Progress() if progress is None else progress)
         result = conduct.diagnose(used, inputs.world, both, how)
     else:
-        if channels and tuple(channels) != ("joints",):
-            raise UserError("a change can only be found in the joints", key="--channels", got=" ".join(channels))
-        earlier = (*before.fitted, *before.held_out)
-        options = {"seed": seed, "nthread": threads, "say": say, "progress": progress, "likely": likely}
-        joints = CHANNELS["joints"]
-        change = diagnose_change(joints.part(inputs.world), earlier, *both, **options)
-        result = conduct.with_rest(change, joints, inputs.world)
+        earlier = before.fitted, before.held_out
+        used = resolve(inputs.world, *earlier, *both, asked=channels)
+        result = diagnose_change(used, inputs.world, earlier, both, how)
         stamp["inputs"] = dict(sorted({**stamp["inputs"], **before.provenance(seed)["inputs"]}.items()))
     with_arms(inputs.world, result.arrays)
     remainder = result.record.get("remainder", [])

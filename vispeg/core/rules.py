@@ -395,9 +395,6 @@ class Proposed:
     promise: float = _rule(0.3, "joints", "1a2442b3",
         "Share of the gain that a step needs, from which a candidate's predicted gain is enough for a fit.",
         reason="the screen is linear, so its predicted gains may be too small")
-    group: float = _rule(0.97, "joints", "b805ac3c",
-        "Share of a group's predicted gain from which one effect alone is tried instead.",
-        tried="off, no change on coulomb_friction/joint4/small of seed 4711 (b8ca1027)")
     fitted: int = _rule(7, "joints", "1a2442b3",
         "Candidates that are fitted at a step.")
     fitted_surely: int = _rule(4, "joints", "1a2442b3",
@@ -559,8 +556,6 @@ class Exchanged:
     exchange: float = _rule(0.01, "all", "c6d6e56d",
         "Share of the held-out error, and in a search of the fitted one, that an exchange of effects must remove.",
         case="effects at a bound in place of others")
-    exchanges: int = _rule(3, "all", "fbd72ba7",
-        "Greatest number of exchanges of an effect with its rival.")
     decisive: float = _rule(0.5, "joints", "3fbb93d7",
         "Share of the remaining error that a richer effect in place of a simple one must remove.",
         case="gear play that was taken for a rotor's inertia")

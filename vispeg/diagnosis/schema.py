@@ -24,6 +24,7 @@ class FoundEffect(Place):
 
     `without` is the held-out RMS error of the final model without it, the others unchanged, over the noise floor.
     `explains` is how much larger the mean squared error then is, over the excess of the user's model above the floor.
+    `was` has its values in the baseline, where two states of a robot are compared and both have the effect.
     """
 
     params: Mapping[str, Mapping[str, object]]
@@ -33,6 +34,7 @@ class FoundEffect(Place):
     partial: NotRequired[bool]
     tentative: NotRequired[bool]
     channel: NotRequired[str]
+    was: NotRequired[Mapping[str, Mapping[str, float | None]]]
 
 
 class Rung(TypedDict):

@@ -30,18 +30,18 @@ AT_ONCE = 2**30  # bytes of derivatives that concurrent fits may hold
 
 
 def replaced(search: Searching, state: State, n_fixed: int) -> bool:
-    """Replace an effect by a clearly better or likelier rival, at most `exchanges` times; return whether it was.
+    """Replace an effect by a clearly better or likelier rival; return whether it was. What was replaced stays out.
 
     The rivals of all accepted effects are left in the state.
     """
     state.rivals = find_rivals(search, state, n_fixed, search.say)
     better = [(t, r) for r in state.rivals for t in r.equals if _better(search, state, t, r.label)]
-    if not better or len(state.world.effects) - n_fixed < 2 or state.replaced == RULES.exchanges:
+    if not better or len(state.world.effects) - n_fixed < 2:
         return False
     trial, rival = min(better, key=lambda at: float(at[0].loss.sum()))
     search.say(f"{trial.score.label} replaces {rival.label}")
     _put_in(search, state, trial, rival.label, n_fixed)
-    state.replaced += 1
+    state.replaced |= {rival.label}
     return True
 
 
@@ -58,7 +58,12 @@ def _put_in(search: Searching, state: State, rival: Trial, label: str, n_fixed: 
 
 
 def _better(search: Searching, state: State, rival: Trial, label: str) -> bool:
-    """Return whether a rival should replace the effect `label`: it is better, or likelier a priori and no worse."""
+    """Return whether a rival should replace the effect `label`: it is better, or likelier a priori and no worse.
+
+    One that was replaced before should not: the search would never end.
+    """
+    if rival.score.placed.label in state.replaced:
+        return False
     (accepted,) = [e for e in state.world.effects if e.label == label]
     least = 0.0 if prior(rival.score.placed, accepted) < 1.0 else RULES.exchange
     return search.judge.gain(state.loss, rival.loss).relative >= least

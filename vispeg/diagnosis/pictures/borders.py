@@ -33,15 +33,13 @@ class BorderSearch(PictureSearch):
         return (*super().ways(state, n_fixed), self._replace)
 
     def _replace(self, state: State, n_fixed: int) -> bool:
-        """Replace all effects by a simpler one, or one by a better, at most `exchanges` times; return whether so."""
-        better = None
-        if state.replaced < RULES.exchanges:
-            better = self._simpler(state, n_fixed) or self._exchange(state, n_fixed)
+        """Replace all effects by a simpler one, or one by a better; return whether so. What was replaced stays out."""
+        better, before = self._simpler(state, n_fixed) or self._exchange(state, n_fixed), state.world.effects
         if better is None:
             return False
         self.take(state, *better, n_fixed)
         self._prune(state, n_fixed)
-        state.replaced += 1
+        state.replaced |= {e.label for e in before} - {e.label for e in state.world.effects}
         return True
 
     def doubt(self, placed: EffectInstance, added: World, without: World, n_fixed: int) -> str:
@@ -61,6 +59,7 @@ class BorderSearch(PictureSearch):
             return None
         trials, base = state.steps[0][1], replace(state.world, effects=state.world.effects[:n_fixed])
         alone = [t for t in trials if not t.rejected and present(t.fit, -1) and equal(self.judge, t.loss, state.loss)]
+        alone = [t for t in alone if t.score.placed.label not in state.replaced]
         alone = [t for t in alone if not self.doubt(t.score.placed, t.fit.world, base, n_fixed)]
         alone.sort(key=lambda t: (parameters(t.fit.world), float(t.loss.sum())))
         return (alone[0], trials) if alone else None
@@ -76,6 +75,7 @@ class BorderSearch(PictureSearch):
             reduced = self._without(state, placed, n_fixed)
             places = [p for p in self.places(reduced.world) if p != (placed.effect, placed.where)]
             trials = self.questioned(reduced, self.step(reduced, n_fixed, places), n_fixed)
+            trials = [t for t in trials if t.score.placed.label not in state.replaced]
             if trials and not trials[0].rejected and float(trials[0].loss.sum()) < least:
                 least, replacement = float(trials[0].loss.sum()), (trials[0], trials)
         return replacement

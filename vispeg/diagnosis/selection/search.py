@@ -213,7 +213,7 @@ class Search(Loop, Shown, Proposals):
         """
         scores = self.screened(state.world, state.residual, state.fit, places, missing, groups, several)
         best_alone = max((s.gain for s in scores if not s.beside), default=0.0)
-        scores = [s for s in scores if not s.beside or best_alone < RULES.group * s.gain]
+        scores = [s for s in scores if not s.beside or best_alone < (1.0 - RULES.tie) * s.gain]
         state.screening += scores
         need = self.least_drop(state)
         if not scores or scores[0].gain / self.evidence.count < RULES.promise * need:

@@ -37,7 +37,7 @@ class State:
         within_noise: whether the first error is no larger than what noise in the feedback makes
             (`noise_motion.within_noise`); then nothing is added.
         rivals: of the accepted effects, when a replacement was last tried.
-        replaced: number of effects that a better rival has replaced since the start.
+        replaced: labels of effects that a better rival has replaced; they do not come back.
         concluded: whether the search made its last revision (`ContactSearch`), so that no move follows.
     """
 
@@ -54,7 +54,7 @@ class State:
     slight: frozenset[str] = frozenset()
     within_noise: bool = False
     rivals: Sequence[Rivals] = ()
-    replaced: int = 0
+    replaced: frozenset[str] = frozenset()
     concluded: bool = False
 
     def take(self, fit: Fit, loss: np.ndarray) -> None:

@@ -73,7 +73,9 @@ def _params(effect: Mapping[str, Any]) -> list[dict[str, str]]:
     """Return one row per parameter; if some were fitted, without the others that are at their null value."""
     name, values = str(effect.get("effect")), params_of(effect)
     fitted = any(_fitted(p) for p in values.values())
-    return [_row(name, k, p) for k, p in values.items() if _fitted(p) or not fitted or not _at_null(name, k, p)]
+    had = params_of(effect_words.before(effect)) if effect.get("was") else {}
+    shown = {k: p for k, p in values.items() if _fitted(p) or not fitted or not _at_null(name, k, p)}
+    return [_row(name, k, p, had.get(k)) for k, p in shown.items()]
 
 
 def _fitted(p: Mapping[str, Any]) -> bool:
@@ -155,7 +157,8 @@ def correlations(record: Record) -> Correlations:
     return {"labels": names, "rows": coloured, "strong": strong}
 
 
-def _row(effect: str, name: str, p: Mapping[str, Any]) -> dict[str, str]:
+def _row(effect: str, name: str, p: Mapping[str, Any], had: Mapping[str, Any] | None) -> dict[str, str]:
+    """Return one parameter as a table row; `had` is the same in the baseline, None if it was not there."""
     declared = bounds_of(effect, name)
     base_unit = str(p.get("unit") or (declared.unit if declared else ""))
     value, between, unit = scaled(p.get("value"), p.get("low"), p.get("high"), base_unit)
@@ -167,7 +170,7 @@ def _row(effect: str, name: str, p: Mapping[str, Any]) -> dict[str, str]:
         factor, scaled_unit = prefix(max(abs(declared.low), abs(declared.high)), base_unit)
         ends = f"{plain(factor * declared.low)} to {plain(factor * declared.high)}"
         bounds = f"{ends} {effect_words.unit(scaled_unit)}".strip()
-    notes = remark(*numbers, declared)
+    notes = "; ".join(filter(None, [f"{effect_words.in_unit(had)} before" if had else "", remark(*numbers, declared)]))
     return {
         "param": name,
         "doc": declared.doc if declared else "",

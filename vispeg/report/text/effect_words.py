@@ -98,6 +98,12 @@ def sized(row: Mapping[str, Any]) -> str:
     return f"{named(row)} ({how})" if how else named(row)
 
 
+def before(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a changed effect with the values that it had in the baseline (`was`)."""
+    was = row["was"]
+    return {**row, "params": {name: {**p, **was.get(name, {})} for name, p in params_of(row).items()}}
+
+
 def unit(text: Any) -> str:
     """Return a unit as it is written after a number: empty for a ratio, `m²` for `m2`."""
     return "" if text in (None, "1") else str(text).replace("m2", "m²")

@@ -175,13 +175,22 @@ def one_of(effect: Mapping[str, Any]) -> str:
 
 
 def baseline(values: Mapping[str, Any]) -> str:
-    """Return a sentence on the effects found before and after, if two states of a robot were compared; else empty."""
+    """Return sentences on the arm before and on what changed, if two states of a robot were compared; else empty."""
     before = values.get("baseline")
     if not isinstance(before, dict):
         return ""
     names = [sized(effect) for effect in rows(before, "effects")]
     had = named(names) if names else "no effect"
-    return f"Before and after: {had} ({before.get('verdict')}). Changed since: what is listed as found."
+    changed = [
+        f"{named_effect(e)} (from {effect_words.size(effect_words.before(e))} to {effect_words.size(e)})"
+        for e in rows(values, "effects")
+        if e.get("was")
+    ]
+    new = [sized(e) for e in rows(values, "effects") if not e.get("was")]
+    out = [f"Before: {had} ({before.get('verdict')})"]
+    out += [f"Changed: {named(changed)}"] if changed else []
+    out += [f"New: {named(new)}"] if new else []
+    return ". ".join(out if changed or new else [*out, "No change was found"]) + "."
 
 
 def paid(values: Mapping[str, Any]) -> list[str]:
