@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from loops import pendulum, swings
 
 import vispeg
 from vispeg.channels.channel import CHANNELS, How
@@ -134,6 +135,25 @@ def test_diagnosis_names_what_was_hidden_by_the_signal_alone(sides, tmp_path):
     assert "A RMS" in page and "signal residual" in page
     again = vispeg.compare(out / "model.yaml", [sides[1]], channels=["current"])
     assert again.error == pytest.approx(said["ladder"][-1]["heldout_error"], rel=1e-9), "command and comparison agree"
+
+
+def test_joints_propose_the_next_motion_also_beside_another_channel(tmp_path):
+    """The mount of a pendulum rattles at 7 Hz, which no effect explains and the current does not show."""
+    out, t = [], np.arange(600) / 200.0
+    for i, rec in enumerate(swings(World(), 3, 3.0)):
+        current = Signal(np.zeros_like(rec.q), "A", 1e6)
+        rattle = 2e-3 * np.sin(2 * np.pi * 7.0 * t + i)[:, None]
+        out.append(replace(rec, q=rec.q + rattle, path=Path("abc"[i]), signals={"current": current}))
+    found = vispeg.diagnose(World(pendulum().source), out[:2], out[2:], channels=["joints", "current"], threads=1)
+    assert [row["channel"] for row in found.record["by_channel"]] == ["joints", "current"]
+    assert found.verdict == "unexplained" and found.record["next_experiment"]["motion"] == "triangle"
+    found.save(tmp_path / "found")
+    moves = np.loadtxt(tmp_path / "found" / found.record["next_experiment"]["file"], delimiter=",", skiprows=1)
+    assert moves[:, 1] == pytest.approx(found.arrays["next/q_cmd"][:, 0], rel=1e-8)  # nine digits
+    assert (
+        "next/time" in np.load(tmp_path / "found/evidence.npz")
+        and "triangle" in (tmp_path / "found/report.html").read_text()
+    )
 
 
 def test_a_fit_by_it_agrees_with_the_joints(sides):

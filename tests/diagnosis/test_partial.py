@@ -41,7 +41,7 @@ def test_partial_truth_is_written_and_the_next_diagnosis_begins_with_it(recordin
         replace(e.with_values(torque=0.5), partial=True) if e.effect == "coulomb_friction" else e for e in again.effects
     )
     on = diagnose(replace(again, effects=moved), recordings[:2], recordings[2:], nthread=1, plan_next=False)
-    assert "partial effects fitted anew" in [rung["model"] for rung in on.record["ladder"]]
+    assert "effects of the model fitted anew" in [rung["model"] for rung in on.record["ladder"]]
     first, last = found.record["ladder"][-1], on.record["ladder"][-1]
     assert last["heldout_error"] <= 1.01 * first["heldout_error"] < 0.9 * on.record["ladder"][0]["heldout_error"]
     (anew,) = [e for e in on.record["effects"] if e["effect"] == "coulomb_friction"]

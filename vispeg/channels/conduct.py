@@ -48,7 +48,7 @@ def diagnose(channels: Sequence[str], world: World, both: Both, how: How) -> Dia
         return _noted(with_rest(looked_in[0].diagnose(world, both, how), looked_in[0], world), left_out)
 
     def search(c: Channel, start: World) -> Diagnosis:
-        return c.diagnose(start, both, replace(how, plan_next=False, progress=part_of(how.progress, c.name, start)))
+        return c.diagnose(start, both, replace(how, progress=part_of(how.progress, c.name, start)))
 
     return _noted(joined(search_in_turn(looked_in, world, search, how.say), world), left_out)
 
@@ -136,9 +136,10 @@ def search_in_turn(
 def joined(results: Sequence[ChannelResult], world: World) -> Diagnosis:
     """Join the channels' results in one record and one model; a channel's arrays have keys `channel/NAME/...`.
 
-    The verdict is the gravest one. An effect that several channels found has the values of the first. An effect of
-    `world`, the user's model, that a channel refitted and dropped stays only if another channel found it. The ladder is
-    that of the channel whose held-out error fell by the greatest factor.
+    The verdict is the gravest one. The next motion is that of the first channel that proposes one. An effect that
+    several channels found has the values of the first. An effect of `world`, the user's model, that a channel refitted
+    and dropped stays only if another channel found it. The ladder is that of the channel whose held-out error fell by
+    the greatest factor.
     """
     added: dict[str, EffectInstance] = {}
     listed: list[Any] = []
@@ -151,6 +152,7 @@ def joined(results: Sequence[ChannelResult], world: World) -> Diagnosis:
     records = [result.diagnosis.record for result in results]
     lead = max(records, key=_fall)
     unexplained = [r["unexplained"] for r in records if r["unexplained"]]
+    planned = next((result.diagnosis for result in results if result.diagnosis.record["next_experiment"]), None)
     record = {
         "format": "vispeg-diagnosis/1",
         "verdict": min((r["verdict"] for r in records), key=ORDER.index),
@@ -160,7 +162,7 @@ def joined(results: Sequence[ChannelResult], world: World) -> Diagnosis:
         "noise_floor": lead["noise_floor"],
         **({"of": lead["of"]} if "of" in lead else {}),
         "unexplained": unexplained[0] if unexplained else None,
-        "next_experiment": next((r["next_experiment"] for r in records if r["next_experiment"]), None),
+        "next_experiment": None if planned is None else planned.record["next_experiment"],
         "candidates": [c for r in records for c in r["candidates"]],
         "recordings": lead["recordings"],
         "channels": [c for r in records for c in r.get("channels", [])],
@@ -170,14 +172,20 @@ def joined(results: Sequence[ChannelResult], world: World) -> Diagnosis:
         "notes": [f"{c.name}: {note}" for c, r in zip(channels, records, strict=True) for note in r["notes"]],
         "by_channel": [_row(result) for result in results],
     }
-    arrays: dict[str, np.ndarray] = {}
+    arrays = {} if planned is None else {k: v for k, v in planned.arrays.items() if k == "joints" or _planned(k)}
     dropped: set[str] = set()
     for result in results:
         found, searched = result.diagnosis, result.channel.part(world)
-        arrays |= {f"channel/{result.channel.name}/{key}": values for key, values in found.arrays.items()}
+        own = {key: values for key, values in found.arrays.items() if not _planned(key)}
+        arrays |= {f"channel/{result.channel.name}/{key}": values for key, values in own.items()}
         dropped |= searched.values.keys() - found.world.values.keys()
     kept = world.only(lambda e: e.label not in dropped)
     return Diagnosis(cast("DiagnosisRecord", record), kept.add(*added.values()), arrays)
+
+
+def _planned(key: str) -> bool:
+    """Return whether an array belongs to the next motion, of which a diagnosis has one."""
+    return key.startswith("next/")
 
 
 def _once(entries: Iterable[Any]) -> list[Any]:

@@ -14,7 +14,7 @@ from vispeg.diagnosis.evidence.readings import gridded
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 
-ANEW = "partial effects fitted anew"  # label of the step that refits them
+ANEW = "effects of the model fitted anew"  # label of the step that refits partial effects
 
 
 @dataclass(frozen=True)
