@@ -11,8 +11,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
-import numpy as np
-
 from vispeg.channels.channel import CHANNELS, Both, Channel, How
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.progress import Progress
