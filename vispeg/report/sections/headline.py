@@ -34,7 +34,8 @@ def context(record: Record) -> Mapping[str, object]:
         figures.append(("Noise floor", quantity(record.floor, str(floor.get("unit") or unit)), _source(floor)))
     return {
         "verdict": values.get("verdict") if record.kind == "diagnosis" else None,
-        "sentence": " ".join(filter(None, (*words.diverged(values), words.verdict(values), words.baseline(values)))),
+        "sentence": " ".join(filter(None, (*words.diverged(values), words.verdict(values)))),
+        "change": words.baseline(values),
         "error_change": words.fall(values),
         "phases": contact_words.phases(values),
         "cameras": camera_words.cameras(values),
