@@ -141,7 +141,8 @@ class Compared:
         case="effects of micrometres named on an effect-free arm near a singular posture")
     loud: float = _rule(10.0, "joints", "7abebd9a",
         "Multiple of the greatest held-out squared error (of the noise at least) from which a fitted recording shows "
-        "something that no held-out one does: before the search it judges too, after it nothing is identified.",
+        "something that no held-out one does: before the search it judges too or is left out, after it nothing is "
+        "identified.",
         case="a drive that saturates in two of three motions and not in the held-out one")
     half_least: float = _rule(2.4, "joints", "c0359c29",
         "Seconds that half a recording must last to judge the other half.",
