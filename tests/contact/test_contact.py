@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 from pressed import SCENE, recorded
+from scipy import stats
 
 from vispeg.contact.drive import hands
 from vispeg.contact.errors.noise import excess_noise, noise, noise_at_rest
@@ -387,7 +388,7 @@ def test_what_acts_in_few_held_out_blocks_shows_by_its_size():
         return Trial(Score(FRICTION, 0.0), fit, after, search.judge.gain(before, after))
 
     state = State(World(), before, np.zeros(1))
-    assert trial(14.0).gain.z < RULES.held_out
+    assert trial(14.0).gain.z < stats.norm.isf(RULES.level)
     assert (
         search.holds(state, trial(14.0))
         and not search.holds(state, trial(1.0))

@@ -144,9 +144,6 @@ class Compared:
         "something that no held-out one does: before the search it judges too or is left out, after it nothing is "
         "identified.",
         case="a drive that saturates in two of three motions and not in the held-out one")
-    half_least: float = _rule(2.4, "joints", "c0359c29",
-        "Seconds that half a recording must last to judge the other half.",
-        reason="twice `settle_observed`")
     tip_near: float = _rule(3e-3, "contact", "a91c3c0d",
         "Height (m) over a surface under which a tip may touch it, so that contact is a channel.")
     tip_round: float = _rule(0.05, "contact", "a91c3c0d",
@@ -434,9 +431,6 @@ class Proposed:
         "Share of a range from its bound within which a value stands at the bound.",
         reason="where the optimum lies beyond a bound, bounded least squares ends this near it in 99 % of 2000 linear "
         "problems")
-    several_least: float = _rule(0.02, "joints", "9e47cadb",
-        "Share of the remaining error that one more of several effects must remove in the linear model.",
-        reason="as `gain` of one effect")
     several_link: float = _rule(0.1, "joints", "fbd72ba7",
         "The same of a link's mass or centre, or a payload.",
         reason="otherwise many links come in that cancel one another")
@@ -486,14 +480,12 @@ class Accepted:
         reason="a fit of other recordings hardly removes as much by chance",
         case="a torque limit, which acts at times (0.5 in 3fbb93d7)",
         tried="off, no change on coulomb_friction/joint4/small of seed 4711 (b8ca1027)")
-    large_level: float = _rule(0.05, "all", "3fbb93d7",
-        "Level of the test over blocks where the gain is `large`.",
-        reason="5 %, one-sided")
-    held_out: float = _rule(1.645, "all", "b805ac3c",
-        "Standard errors that a gain needs in the held-out recordings alone.",
+    level: float = _rule(0.05, "all", "b805ac3c",
+        "Level of a test of one effect: in the held-out recordings alone, over blocks where the gain is `large`, and "
+        "of what stays once others were added.",
         reason="5 %, one-sided")
     held_out_large: float = _rule(1.0, "all", "e3f41922",
-        "The same where the gain is `large`.",
+        "Standard errors that a gain needs in the held-out recordings alone where it is `large`.",
         reason="a recording of 5 s has twenty blocks, and such a gain may lie in few")
     shift_px: float = _rule(0.2, "pictures", "6cd6d11d",
         "Least shift of the borders (px) by an effect.",
@@ -541,7 +533,7 @@ class Accepted:
         "scatters",
         tried="off, no change on coulomb_friction/joint4/small of seed 4711 (b8ca1027)")
     tie_sigma: float = _rule(2.0, "all", "2fcabec5",
-        "Standard errors under which two held-out errors are equal by chance.",
+        "Standard errors under which two held-out errors are equal by chance; a member of a group must gain more.",
         reason="2.3 %, one-sided")
     correlated: float = _rule(0.9, "all", "e3bdc84a",
         "Correlation of two estimates from which neither effect is named for sure, and candidates with it come last.",
@@ -583,12 +575,6 @@ class Dropped:
     """Removal of effects that become superfluous after others were added."""
 
     # fmt: off
-    drop_member: float = _rule(2.0, "joints", "b805ac3c",
-        "Standard errors by which a member of a group must lower the error to stay.",
-        reason="2.3 %, one-sided: a member had no test of its own")
-    drop_single: float = _rule(1.645, "all", "b805ac3c",
-        "The same for an effect that passed a test of its own.",
-        reason="5 %, one-sided")
     drop_local: float = _rule(0.01, "joints", "b805ac3c",
         "Share of the error in its own joint that a member of a group must remove.")
     drop_rise: float = _rule(0.05, "joints", "45b9c56e",

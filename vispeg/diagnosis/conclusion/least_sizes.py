@@ -62,7 +62,7 @@ class Needs:
         held_out: least drop of the squared residual of the held-out recordings; of the fitted ones any drop suffices.
         level: least standard score of the signed ranks of the drops over the blocks of all recordings.
         loss: squared residual of the held-out recordings that is unrelated to the effect. A drop of at least the share
-            `RULES.large` of the whole needs only the levels `large_level` and `held_out_large`.
+            `RULES.large` of the whole needs only the levels `level` and `held_out_large`.
     """
 
     held_out: float
@@ -171,9 +171,9 @@ def _ranks(fitted: Trace, held_out: Trace, needs: Needs) -> Callable[[float], bo
 
     def passes(times: float) -> bool:
         large = times**2 * held_out.square.sum() >= RULES.large * (needs.loss + times**2 * held_out.square.sum())
-        level = float(stats.norm.isf(RULES.large_level)) if large else needs.level
+        level = stats.norm.isf(RULES.level) if large else needs.level
         gains = _gains(held_out, times, held_errors)
-        if not _passes(gains, RULES.held_out_large if large else RULES.held_out):
+        if not _passes(gains, RULES.held_out_large if large else stats.norm.isf(RULES.level)):
             return False
         return _passes(np.concatenate([gains, _gains(fitted, times, errors)], axis=1), level)
 

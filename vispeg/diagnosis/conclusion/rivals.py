@@ -191,7 +191,7 @@ def grown_from(judge: Judge, trial: Trial, state: State, label: str) -> bool:
     name, where = _parts(label)
     grows = trial.score.placed.effect in effect(name).grows_from and trial.score.placed.where == where
     gain = judge.gain(trial.loss, state.loss)
-    return grows and gain.relative > RULES.decisive and gain.z > stats.norm.isf(RULES.large_level)
+    return grows and gain.relative > RULES.decisive and gain.z > stats.norm.isf(RULES.level)
 
 
 def _parts(label: str) -> tuple[str, str]:

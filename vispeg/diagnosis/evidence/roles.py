@@ -113,7 +113,7 @@ def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
         first, second = halves(only)
         others = [*evidence.recordings, *judged.recordings]
         if (
-            spanned(second.time, second.episode) > RULES.half_least
+            spanned(second.time, second.episode) > 2.0 * RULES.settle_observed
             and min(shown(evidence_for([first, second], beside=others), world)) > RULES.loud * judging
         ):
             fitted = [first, *(r for r in evidence.recordings if r is not only)]

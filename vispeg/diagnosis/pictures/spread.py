@@ -53,7 +53,9 @@ def taken_over(search: PictureSearch, state: State) -> np.ndarray:
     assert fit is not None
     accepted = [(e.effect, e.where) for e in state.world.effects]  # the last refusals may be relative to another world
     beside = [t for t in state.last if [(e.effect, e.where) for e in t.fit.world.effects[: len(accepted)]] == accepted]
-    richer = [t for t in beside if t.gain.z > RULES.held_out and t.gain.relative > search.evidence.least_gain]
+    richer = [
+        t for t in beside if t.gain.z > stats.norm.isf(RULES.level) and t.gain.relative > search.evidence.least_gain
+    ]
     if not richer or len(richer[0].fit.u) <= len(fit.u):
         return np.zeros(len(fit.u))
     return np.abs(richer[0].fit.u[: len(fit.u)] - fit.u) / np.sqrt(3)  # RMS of a value anywhere between

@@ -55,7 +55,7 @@ def refusal(search: ShareTesting, state: State, t: Trial, level: float, absent: 
         return f"removes {100 * share:.2g} % of what an accepted effect typically removed, {least}"
     if t.gain.relative < search.evidence.least_gain:
         return f"held-out gain {100 * t.gain.relative:.1f} % is under {100 * search.evidence.least_gain:.0f} %"
-    if t.gain.z < (level if t.gain.relative < RULES.large else stats.norm.isf(RULES.large_level)):
+    if t.gain.z < (level if t.gain.relative < RULES.large else stats.norm.isf(RULES.level)):
         return f"held-out gain is {t.gain.z:.1f} standard errors, under {level:.1f}"
     if not search.holds(state, t):
         return "it does not show in the held-out recordings alone"

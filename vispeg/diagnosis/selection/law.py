@@ -43,7 +43,7 @@ def refined(search: Searching, state: State, n_fixed: int) -> bool:
         if (
             trial.gain.mean < RULES.refinement * removed
             or tested.z < stats.norm.isf(RULES.discoveries)
-            or trial.gain.z < RULES.held_out
+            or trial.gain.z < stats.norm.isf(RULES.level)
             or bic_gain(search.evidence, state.world, state.residual, trial.fit) <= 0
         ):
             continue
@@ -187,8 +187,8 @@ def _explains_more(search: Searching, state: State, trial: Trial, crossed: float
     if gain.relative > RULES.decisive:
         # linear prediction of folds is poor far from its fit
         sure = contained and gain.z > stats.norm.isf(RULES.discoveries)
-        return sure or (crossed if contained else gain.z) > stats.norm.isf(RULES.large_level)
-    if contained or gain.relative < search.evidence.least_gain or gain.z < RULES.held_out:
+        return sure or (crossed if contained else gain.z) > stats.norm.isf(RULES.level)
+    if contained or gain.relative < search.evidence.least_gain or gain.z < stats.norm.isf(RULES.level):
         return False
     if crossed < stats.norm.isf(RULES.discoveries):
         return False

@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy import stats
 
 from vispeg.core.effect import REGISTRY, Effect, EffectInstance, effect
 from vispeg.core.rules import RULES
@@ -236,7 +237,9 @@ class PlainSearch(Loop, Shown):
             idle = [
                 i
                 for i, ((e, r), g) in enumerate(zip(reduced, gains, strict=True))
-                if g.relative < self.evidence.least_gain or g.z < RULES.drop_single or self.idle(e, state, r, n_fixed)
+                if g.relative < self.evidence.least_gain
+                or g.z < stats.norm.isf(RULES.level)
+                or self.idle(e, state, r, n_fixed)
             ]
             if not idle:
                 return

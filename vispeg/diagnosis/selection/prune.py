@@ -66,7 +66,7 @@ def _useless_members(search: Fitting, state: State, n_fixed: int) -> list[int]:
             gain = search.cross.judge.gain(loss, best)
             tried.append((gain.z, k, loss, gain))
         z, k, loss, gain = min(tried, key=lambda t: t[0])
-        if z >= RULES.drop_member and _matters(search, state, k, gain):
+        if z >= RULES.tie_sigma and _matters(search, state, k, gain):
             break
         gone.append(k)
         best = loss
@@ -107,7 +107,7 @@ def _least_needed(search: Fitting, state: State, n_fixed: int) -> list[int]:
 
 def needed(search: Testing, state: State, k: int, gain: Gain) -> bool:
     """Return whether the effect at index `k` lowers the held-out error beyond chance, and visibly, by `gain`."""
-    sure = RULES.drop_member if state.grouped(state.world.effects[k]) else RULES.drop_single
+    sure = RULES.tie_sigma if state.grouped(state.world.effects[k]) else stats.norm.isf(RULES.level)
     return gain.z >= sure and _matters(search, state, k, gain)
 
 

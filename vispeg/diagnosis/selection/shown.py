@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import cast
 
+from scipy import stats
+
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.findings import Gain, Trial
 from vispeg.diagnosis.selection.accept import refusal
@@ -29,7 +31,7 @@ class Shown:
     def holds(self, state: State, trial: Trial) -> bool:
         """Return whether a trial's addition shows in the held-out recordings alone, block by block."""
         gain = self.judge.gain(state.loss, trial.loss)
-        return gain.z >= (RULES.held_out if gain.relative < RULES.large else RULES.held_out_large)
+        return gain.z >= (stats.norm.isf(RULES.level) if gain.relative < RULES.large else RULES.held_out_large)
 
     def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
         """Return why a fitted trial must be refused; "" if it passes; see `accept.refusal`."""

@@ -91,7 +91,7 @@ def _least(dictionary: Dictionary, k: int) -> float:
     """Return the share of the error that the entry `k` must remove: more for masses and centres of links, payloads."""
     placed = dictionary.entries[k].placed
     link = effect(placed.effect).family == "body" and placed.where != "base"
-    return RULES.several_link if link else RULES.several_least
+    return RULES.several_link if link else RULES.gain
 
 
 def prior(a: EffectInstance, b: EffectInstance) -> float:
@@ -130,7 +130,7 @@ def _lighter(dictionary: Dictionary, fixed: list[int], chosen: list[int], error:
     for k in list(chosen):
         others = [c for c in chosen if c != k]
         without = dictionary.crossed([*fixed, *others])
-        if others and without < (1 + RULES.several_least / 2) * error:
+        if others and without < (1 + RULES.gain / 2) * error:
             chosen.remove(k)
             error = without
     return error
