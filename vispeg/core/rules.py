@@ -393,14 +393,9 @@ class Proposed:
     promise: float = _rule(0.3, "joints", "1a2442b3",
         "Share of the gain that a step needs, from which a candidate's predicted gain is enough for a fit.",
         reason="the screen is linear, so its predicted gains may be too small")
-    fitted: int = _rule(7, "joints", "1a2442b3",
-        "Candidates that are fitted at a step.")
-    fitted_surely: int = _rule(4, "joints", "1a2442b3",
-        "Of these, how many are fitted whatever their predicted gain.")
-    fitted_share: float = _rule(0.25, "joints", "1a2442b3",
-        "Share of the best candidate's predicted gain below which the others are not fitted.")
-    same_start: float = _rule(0.2, "joints", "abbb5d6f",
-        "Share of a value within which two starts of a pair of effects are one.")
+    fitted: int = _rule(5, "joints", "1a2442b3",
+        "Candidates that are fitted at a step, and rivals of an effect, at most.",
+        case="5 and 7 in 9 cases of seed 301131: the same effects and verdicts")
     figure_odd: float = _rule(0.8, "pictures", "fbb7d3b1",
         "Multiple of the difference between good cameras, from which a figure of depth or light needs an effect.")
     figure_changed: float = _rule(0.2, "pictures", "fbb7d3b1",
@@ -563,8 +558,6 @@ class Exchanged:
         case="the same")
     rivals_full: int = _rule(3, "joints", "65a197ce",
         "Effects up to which the whole library is screened for rivals of each.")
-    rivals_screened: int = _rule(5, "joints", "2fcabec5",
-        "Greatest number of rivals of an effect that the screen proposes.")
     contact_rival: float = _rule(0.3, "contact", "e39a6576",
         "Share of the error that an effect removes, that a rival of it must remove in the screen.")
     # fmt: on
@@ -575,8 +568,6 @@ class Dropped:
     """Removal of effects that become superfluous after others were added."""
 
     # fmt: off
-    drop_local: float = _rule(0.01, "joints", "b805ac3c",
-        "Share of the error in its own joint that a member of a group must remove.")
     drop_rise: float = _rule(0.05, "joints", "45b9c56e",
         "Share by which the held-out error may rise when effects are removed.",
         case="deletions after which the held-out error rose, since the linear model did not predict it")
@@ -586,9 +577,6 @@ class Dropped:
     sparse_level: float = _rule(0.05, "contact", "99c33128",
         "Chance that a parameter that is not null is taken for null.",
         reason="5 %")
-    drop_nothing: float = _rule(0.1, "joints", "e76c6eab",
-        "Share of `gain` below which an effect that may be absent is removed, however significant its gain.",
-        tried="off, no change on coulomb_friction/joint4/small of seed 4711 (b8ca1027)")
     # fmt: on
 
 
@@ -606,8 +594,6 @@ class Named:
     name_costs_far: float = _rule(1.0, "joints", "0b929084",
         "The same where the remaining error is more than `far`.",
         reason="an effect that removes less than remains may compensate a part of what is missing")
-    name_slack: float = _rule(0.2, "joints", "9e47cadb",
-        "Share of the remaining error by which a rival may be worse and is still fitted.")
     name_alike: float = _rule(0.7, "joints", "de0de97d",
         "Rise of the error by an effect's removal where another is in the model, as a share of the rise where it is "
         "not, below which the two are alike.",

@@ -127,7 +127,7 @@ def _proposed(search: Searching, state: State, n_fixed: int, say: Callable[[str]
     beyond, alike = _beyond(search, state), search.evidence.alike
     placed = [e for e in state.world.effects[n_fixed:] if e.label in asked or e.where in beyond]
     size = (  # bytes of derivatives per effect
-        8 * state.residual.size * (1 + len(state.world.effects)) * (1 + 2 * (RULES.name_class + RULES.rivals_screened))
+        8 * state.residual.size * (1 + len(state.world.effects)) * (1 + 2 * (RULES.name_class + RULES.fitted))
     )
     batch, by_label = max(1, AT_ONCE // size), {}
     for start in range(0, len(placed), batch):

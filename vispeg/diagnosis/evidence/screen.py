@@ -11,7 +11,6 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from vispeg.core.effect import effect, searchable
-from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.signatures import Signature
 from vispeg.diagnosis.findings import Score
 from vispeg.identify.evidence import Evidence
@@ -49,16 +48,6 @@ def groups(evidence: Evidence, world: World, done: Collection[str] = ()) -> list
         if common and common not in done and place != "all":
             places_by_effect.setdefault(common, []).append((name, place))
     return [places for places in places_by_effect.values() if len(places) > 1]
-
-
-def shortlist(scores: Sequence[Score], best: int) -> list[Score]:
-    """Return at most the first `best` of the scores, best first.
-
-    After the first `fitted_surely`, those up to `fitted_share` of the largest gain are left out.
-    """
-    top = scores[0].gain if scores else 0.0
-    least = RULES.fitted_share * top
-    return [s for i, s in enumerate(scores) if i < best and (i < RULES.fitted_surely or s.gain > least)]
 
 
 def screen(

@@ -48,7 +48,7 @@ def refined(search: Searching, state: State, n_fixed: int) -> bool:
         ):
             continue
         joints = list(search.evidence.items[0].robot.joints)
-        visible = [e for e in simple if trial.gain.joints[joints.index(e.where)] >= RULES.drop_local]
+        visible = [e for e in simple if trial.gain.joints[joints.index(e.where)] >= search.evidence.least_gain]
         if visible and len(visible) < len(simple):
             by_joint = {e.where: e for e in trial.fit.world.effects if e.effect == kind.name}
             trial = _fitted(search, state, visible, [[by_joint[e.where] for e in visible]], n_fixed)

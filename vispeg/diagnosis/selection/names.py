@@ -106,7 +106,7 @@ def _doubts(
 
 def _near(fitted: Ground, k: int, error: float, without: float) -> float:
     """Return the squared residual up to which a candidate in place of `k` fits nearly as well."""
-    return error + RULES.name_slack * min(fitted.excess_at(k), without - error)
+    return error + RULES.name_costs * min(fitted.excess_at(k), without - error)
 
 
 class _Both:

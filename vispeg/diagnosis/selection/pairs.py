@@ -14,7 +14,6 @@ from itertools import combinations
 import numpy as np
 
 from vispeg.core.effect import Effect, EffectInstance, searchable
-from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, joint_z
 from vispeg.diagnosis.evidence.signatures import guessed
 from vispeg.diagnosis.findings import Score
@@ -58,15 +57,11 @@ def _worst(search: Searching, missing: Sequence[MissingTorque]) -> str:
 def _best(starts: Sequence[Sequence[EffectInstance]], squared: Sequence[float], count: int) -> list[int]:
     """Return the indices of the pairs to fit, by their squared residuals.
 
-    For each guess of the first effect only the best of `count` guesses of the second is kept, and of pairs with nearly
-    the same values only the best. `starts` are in the order of the first effect's guesses.
+    For each guess of the first effect only the best of `count` guesses of the second is kept. `starts` are in the order
+    of the first effect's guesses.
     """
     best = [min(range(i, i + count), key=squared.__getitem__) for i in range(0, len(starts), max(count, 1))]
-    out: list[int] = []
-    for k in sorted(best, key=squared.__getitem__):
-        if not any(_same_start(starts[k], starts[other]) for other in out):
-            out.append(k)
-    return out
+    return sorted(best, key=squared.__getitem__)
 
 
 def _kinds(search: Searching, state: State, joint: str) -> Iterator[tuple[Effect, Effect]]:
@@ -81,12 +76,6 @@ def _kinds(search: Searching, state: State, joint: str) -> Iterator[tuple[Effect
 def _stages(kind: Effect) -> set[str]:
     """Return the stages of a joint's drive that an effect changes."""
     return {stage for stage in STAGES if kind.overrides(stage)}
-
-
-def _same_start(a: Sequence[EffectInstance], b: Sequence[EffectInstance]) -> bool:
-    """Return whether two starts of the same effects are so close that their fits end at the same optimum."""
-    both = [(v.value, y.params[name].value) for x, y in zip(a, b, strict=True) for name, v in x.params.items()]
-    return all(abs(v - w) <= RULES.same_start * max(abs(v), abs(w)) for v, w in both)
 
 
 def _values(placed: EffectInstance) -> list:

@@ -19,7 +19,6 @@ from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.intervals import of_form, widened
 from vispeg.diagnosis.conclusion.rivals import compared
 from vispeg.diagnosis.conclusion.shows_from import Tried, shows_from
-from vispeg.diagnosis.evidence.screen import shortlist
 from vispeg.diagnosis.findings import Rivals, Score, Trial
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.schema import ShowsFrom
@@ -152,7 +151,7 @@ class PlainSearch(Loop, Shown):
         """
         least = ROUNDING * float(state.residual @ state.residual)
         scores = [s for s in self.scored(state, places) if s.gain > least]
-        return self.try_all(state, shortlist(scores, RULES.fitted), n_fixed, len(scores))
+        return self.try_all(state, scores[: RULES.fitted], n_fixed, len(scores))
 
     def try_all(self, state: State, scores: Sequence[Score], n_fixed: int, tested: int) -> list[Trial]:
         """Fit each score's effect in addition to the accepted ones and judge all; those that pass come first.

@@ -4,9 +4,8 @@ The fit without an effect is predicted from the derivatives. So the test of an e
 recordings it uses the predicted residual (cross-fitted), on the held-out ones one rollout. A fit is made only when
 something is removed. First, members of groups that are useless on the fitted recordings are removed together, unless
 the held-out error then rises beyond chance. Then effects that the held-out recordings do not need are removed one by
-one. An effect that lowers the held-out error beyond chance, but by no visible share, is removed only if its interval
-includes null and it lowers the error by next to nothing. Otherwise it stays unnamed (`State.slight`). The first
-`n_fixed` effects of a world are not fitted and stay.
+one. An effect that lowers the held-out error beyond chance, but by no visible share, stays unnamed (`State.slight`). The
+first `n_fixed` effects of a world are not fitted and stay.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.dictionary import null_of
 from vispeg.diagnosis.findings import Gain
 from vispeg.diagnosis.selection.cross import reduced
-from vispeg.diagnosis.selection.judge import present
 from vispeg.diagnosis.selection.searching import Fitting, Testing
 from vispeg.diagnosis.selection.state import State, without
 
@@ -93,13 +91,8 @@ def _least_needed(search: Fitting, state: State, n_fixed: int) -> list[int]:
         search.judge.gain(loss, state.loss, (cross, state.cross)) for loss, cross in zip(losses, crossed, strict=True)
     ]
     hardly = [i for i, k in enumerate(places) if not search.needed(state, k, gains[i])]
-    nothing, chance = RULES.drop_nothing * search.evidence.least_gain, stats.norm.isf(RULES.discoveries)
-    weak = [
-        i
-        for i in hardly
-        if (gains[i].relative < nothing and not present(fit, places[i]))
-        or search.judge.gain(losses[i], state.loss).z < chance
-    ]
+    chance = stats.norm.isf(RULES.discoveries)
+    weak = [i for i in hardly if search.judge.gain(losses[i], state.loss).z < chance]
     least = min(weak, key=lambda i: gains[i].mean, default=None)
     state.slight = frozenset(state.world.effects[places[i]].label for i in hardly if i != least)
     return [] if least is None else [places[least]]
@@ -118,4 +111,4 @@ def _matters(search: Testing, state: State, k: int, gain: Gain) -> bool:
     """
     placed, joints = state.world.effects[k], search.evidence.items[0].robot.joints
     local = gain.joints[joints.index(placed.where)] if placed.where in joints and state.grouped(placed) else 0.0
-    return bool(gain.relative >= search.evidence.least_gain or local >= RULES.drop_local)
+    return max(gain.relative, local) >= search.evidence.least_gain

@@ -11,7 +11,7 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.rivals import replaced
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_z
-from vispeg.diagnosis.evidence.screen import candidates, groups, shortlist
+from vispeg.diagnosis.evidence.screen import candidates, groups
 from vispeg.diagnosis.findings import Score, Trial
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.scale import floors
@@ -136,7 +136,7 @@ class Search(Loop, Shown, Proposals):
         trials = self.try_places(state, n_fixed, near, missing, len(near), common, several)
         trials = in_order(self.judge, state, trials + proposed) if proposed else trials
         if not passes(trials):
-            scores = [] if common else shortlist(pairs(self, state, missing), RULES.fitted)
+            scores = [] if common else pairs(self, state, missing)[: RULES.fitted]
             trials = self.try_all(state, scores, n_fixed, len(near)) + trials
         later = [] if common or passes(proposed) else self._common_groups(state)
         if later and not (
@@ -218,13 +218,13 @@ class Search(Loop, Shown, Proposals):
         need = self.least_drop(state)
         if not scores or scores[0].gain / self.evidence.count < RULES.promise * need:
             return []
-        short = shortlist(scores, RULES.fitted)
+        short = scores[: RULES.fitted]
         trials = self.try_all(state, short, n_fixed, tested)
         fitted = {s.placed.where for s in short if not s.beside}
         elsewhere = [s for s in scores if s not in short and s.key[1] not in fitted]
         elsewhere = [s for s in elsewhere if s.gain / self.evidence.count >= RULES.promise * need]
         if elsewhere and all(t.rejected for t in trials):  # confounded candidates at one place may have filled the list
-            trials = trials + self.try_all(state, shortlist(elsewhere, RULES.fitted), n_fixed, tested)
+            trials = trials + self.try_all(state, elsewhere[: RULES.fitted], n_fixed, tested)
             trials.sort(key=lambda t: bool(t.rejected))
         return trials
 
@@ -249,7 +249,7 @@ class Search(Loop, Shown, Proposals):
         near = [placed.where] if placed.where in joints else []
         places = [c for c in candidates(self.evidence, state.world, near) if c != (placed.effect, placed.where)]
         scores = self.screened_alone(state.world, state.residual, state.fit, places, self.missing(state.world))
-        return shortlist(scores, RULES.rivals_screened), len(places)
+        return scores[: RULES.fitted], len(places)
 
     def fits(
         self,
