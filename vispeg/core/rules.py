@@ -395,7 +395,7 @@ class Proposed:
         reason="the screen is linear, so its predicted gains may be too small")
     fitted: int = _rule(5, "joints", "1a2442b3",
         "Candidates that are fitted at a step, and rivals of an effect, at most.",
-        case="5 and 7 in 9 cases of seed 301131: the same effects and verdicts")
+        case="5 and 7 in 8 cases of seed 301131: the same effects and verdicts")
     figure_odd: float = _rule(0.8, "pictures", "fbb7d3b1",
         "Multiple of the difference between good cameras, from which a figure of depth or light needs an effect.")
     figure_changed: float = _rule(0.2, "pictures", "fbb7d3b1",

@@ -4,7 +4,7 @@ The fit without an effect is predicted from the derivatives. So the test of an e
 recordings it uses the predicted residual (cross-fitted), on the held-out ones one rollout. A fit is made only when
 something is removed. First, members of groups that are useless on the fitted recordings are removed together, unless
 the held-out error then rises beyond chance. Then effects that the held-out recordings do not need are removed one by
-one. An effect that lowers the held-out error beyond chance, but by no visible share, stays unnamed (`State.slight`). The
+one. One that lowers the held-out error beyond chance, but by no visible share, stays unnamed (`State.slight`). The
 first `n_fixed` effects of a world are not fitted and stay.
 """
 
