@@ -87,14 +87,6 @@ class Strict(Search):
         return False
 
 
-class Sure(Judge):
-    """A judge who is sure of every gain, however small."""
-
-    def gain(self, before, after, crossed=None):
-        """Judge with nine standard errors."""
-        return replace(super().gain(before, after, crossed), z=9.0)
-
-
 class Careless(Judge):
     """A judge who sees no difference."""
 
@@ -126,20 +118,6 @@ def test_slight_effects_are_those_of_the_present_model(searched):
     prune.prune(search, here, 0)
     labels = {e.label for e in here.world.effects}
     assert labels == {e.label for e in HIDDEN} and here.slight < labels and len(here.slight) == len(labels) - 1
-
-
-def test_an_effect_that_may_be_absent_and_gains_little_is_removed_however_sure_its_gain_is(searched):
-    search, state = Strict(searched[0].evidence, Sure(searched[0].judge.evidence)), searched[1]
-    (fit,) = search.fits([state.world.add(EffectInstance.of("joint_bias", "elbow"))], 0)
-    here = replace(state)
-    here.take(fit, search.judge.losses([fit.world])[0])
-    here.cross = search.cross.loss_of(fit, fit.residual)
-    known = [e.with_values(**{k: v.value for k, v in e.params.items()}) for e in fit.world.effects]
-    there = replace(here, fit=replace(fit, world=replace(fit.world, effects=tuple(known))))  # no interval has a null
-    prune.prune(search, there, 0)
-    assert {e.label for e in there.world.effects} > {e.label for e in HIDDEN}, "what is there stays"
-    prune.prune(search, here, 0)
-    assert {e.label for e in here.world.effects} == {e.label for e in HIDDEN}
 
 
 def start(name):
