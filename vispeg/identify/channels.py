@@ -89,7 +89,7 @@ class Item:
     @property
     def name(self) -> str:
         """Name of the recording; if only windows of it are used, also the time at which the item starts."""
-        start = float(self.recording.time[self.segment.rows[0]])
+        start = float(self.recording.elapsed[self.segment.rows[0]])
         return self.recording.name + (f", from {start:.4g} s" if self.recording.chosen else "")
 
     @property

@@ -268,7 +268,7 @@ def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray, 
     time, tau, raw = time[thin], tau[rows][thin], rec.q[rows][thin]
     control = Control("unknown", rec.rate_hz)
     raw = np.where(np.isfinite(raw), raw, q)
-    segment = Segment(control, 1.0 / rec.rate_hz, {}, q, dq, raw, time, rows[thin], float(rec.time[rows[0]]))
+    segment = Segment(control, 1.0 / rec.rate_hz, {}, q, dq, raw, time, rows[thin], float(rec.elapsed[rows[0]]))
     segment.cache.update(ddq=ddq, path=path, at=at)
     valid = np.isfinite(tau) & (_inside(time) & free[rows][thin] & read[thin])[:, None]
     return Item(rec, segment, robot, (Channel("needed", tau, sigma, valid),))

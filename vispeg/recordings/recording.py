@@ -41,7 +41,7 @@ class Control:
 
 @dataclass(frozen=True)
 class Window:
-    """A stretch of a recording, in the recording's time, s."""
+    """A stretch of a recording, on its clock (`Recording.elapsed`), s."""
 
     start: float
     stop: float
@@ -131,6 +131,7 @@ class Recording:
         chosen: the windows of a longer recording that this one consists of (`recordings.windows`), or None if whole.
         compared: (n,) bool, the samples at which a model is compared with it; the others are simulated all the same.
             None for all of them.
+        clock: (n,) s, `elapsed` of a part of a recording, whose clock began before it; None for a whole one.
     """
 
     path: Path
@@ -163,21 +164,35 @@ class Recording:
     frames: Frames | None = None
     chosen: Chosen | None = None
     compared: np.ndarray | None = None
+    clock: np.ndarray | None = None
 
     @property
     def name(self) -> str:
         """The folder's name."""
         return self.path.name
 
+    @property
+    def elapsed(self) -> np.ndarray:
+        """Time on the recording's clock (n,) s: since its first sample, whatever `time` counts from.
+
+        The clock goes on from one episode to the next, and begins anew with an episode whose times go back.
+        """
+        if self.clock is not None:
+            return self.clock
+        first = np.flatnonzero(np.diff(self.time, prepend=np.inf) <= 0)
+        return self.time - np.repeat(self.time[first], np.diff(first, append=len(self.time)))
+
     def some(self, rows: Any) -> Recording:
         """Select samples by the index `rows`; all frames are kept."""
         names = ("time", "episode", "compared", *SIGNALS)
         columns = {k: v[rows] for k in names if (v := getattr(self, k)) is not None}
         signals = {k: replace(s, values=s.values[rows]) for k, s in self.signals.items()}
-        return replace(self, signals=signals, **columns)
+        return replace(self, signals=signals, clock=self.elapsed[rows], **columns)
 
     def __repr__(self) -> str:
-        arrays = [key for key, value in vars(self).items() if isinstance(value, np.ndarray) and key != "time"]
+        arrays = [
+            key for key, value in vars(self).items() if isinstance(value, np.ndarray) and key not in ("time", "clock")
+        ]
         summary = f"{self.robot}, {len(self.joints)} joints, {len(self.time)} samples at {self.rate_hz:g} Hz"
         pictures = "" if self.frames is None else f" and {len(self.frames)} pictures"
         return f"<Recording {self.name}: {summary}: {', '.join(arrays)}{pictures}>"

@@ -57,7 +57,8 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
     parts = [spans[k] for k in picked]  # adjacent ones are not merged: a batch of equal lengths is simulated fastest
     most, overall = tops[:, picked].max(axis=1), tops.max(axis=1)
     cover = np.min(np.where(overall > 0, most / np.maximum(overall, 1e-12), 1.0), axis=-1)
-    windows = tuple(Window(float(rec.time[first]), float(rec.time[stop - 1])) for first, stop in parts)
+    clock = rec.elapsed
+    windows = tuple(Window(float(clock[first]), float(clock[stop - 1])) for first, stop in parts)
     chosen = Chosen(
         of_s=length,
         used_s=float(sum(w.stop - w.start for w in windows)),

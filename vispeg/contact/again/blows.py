@@ -117,7 +117,8 @@ def predicted(blow: Blow, worlds: Sequence[World], nthread: int = 1) -> np.ndarr
     assert rec.ee_cmd is not None
     cell = recorded_cell(rec)
     plants = [cell.world.add(*w.effects) for w in worlds]
-    ran = run(cell.scene, plants, rec.control, rec.ee_cmd[blow.rows], *blow.start, nthread=nthread).ft
+    begun = float(rec.elapsed[blow.rows.start])
+    ran = run(cell.scene, plants, rec.control, rec.ee_cmd[blow.rows], *blow.start, begun=begun, nthread=nthread).ft
     before = max(2, round(0.5 * BEFORE * rate))  # only half: a simulated contact may come earlier
     return np.stack([_felt(wrench @ blow.axis, rate, before, blow.threshold) for wrench in ran[:, :, :3]])
 

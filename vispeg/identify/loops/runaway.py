@@ -47,7 +47,7 @@ def without_runaway(rec: Recording, robot: RobotModel, least: float) -> Recordin
 def said(before: Recording, after: Recording) -> str:
     """Return a message on what of the recording `before` was left out in `after`."""
     seconds = [spanned(rec.time, rec.episode) for rec in (after, before)]
-    return RUNAWAY.format(before.name, RULES.runaway_speed, *seconds, after.time[0])
+    return RUNAWAY.format(before.name, RULES.runaway_speed, *seconds, after.elapsed[0])
 
 
 def _lost(time: np.ndarray, q: np.ndarray, limit: np.ndarray) -> np.ndarray:

@@ -67,7 +67,7 @@ def smoothed(rec: Recording, j: int, clock: Timing, bad: tuple[Spike, ...]) -> t
 
 def joint_check(rec: Recording, j: int, clock: Timing, limits: Limits | None = None) -> JointCheck:
     """Check the j-th joint of a recording; limits None where they are not known."""
-    bad = spikes(rec.time, rec.q[:, j])
+    bad = spikes(rec.elapsed, rec.q[:, j])
     motion = smoothed(rec, j, clock, bad)
     q, speed = without(rec.q[:, j], bad), np.abs(motion[1])
     tau = None if rec.tau is None else rec.tau[:, j]

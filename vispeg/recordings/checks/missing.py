@@ -72,7 +72,7 @@ def _missing(rec: Recording, name: str) -> str:
     spans = [(rows[0], *longest(lost[rows, j])) for rows in episodes(rec.time, rec.episode)]
     start, first, stop = max(spans, key=lambda span: span[2] - span[1])
     first, last = start + first, start + stop - 1
-    where = f"at most {last - first + 1} in a row, from {rec.time[first]:.6g} s on"
+    where = f"at most {last - first + 1} in a row, from {rec.elapsed[first]:.6g} s on"
     others = int(lost.any(axis=0).sum()) - 1
     also = f" and at most as much of {others} more" if others else ""
     return f"{lost[:, j].mean():.1%} of {columns_of(name, rec.joints)[j]} ({where}){also}"

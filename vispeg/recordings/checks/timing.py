@@ -13,7 +13,7 @@ GAP = 1.5  # sample periods: a longer step means that at least one sample was lo
 
 @dataclass(frozen=True)
 class Gap:
-    """A gap: it begins at `start` (s, in its episode) and lasts `seconds`; `samples` are missing in it."""
+    """A gap: it begins at `start` (s, on the recording's clock) and lasts `seconds`; `samples` are missing in it."""
 
     row: int
     start: float
@@ -56,8 +56,9 @@ def timing(rec: Recording) -> Timing:
     period = float(np.median(good)) if len(good) else 1.0 / rec.rate_hz
     long = inside & (steps > GAP * period)
     even = steps[inside & ~long] - period
+    clock = rec.elapsed
     gaps = tuple(
-        Gap(int(row), float(rec.time[row]), float(steps[row]), int(round(steps[row] / period)) - 1)
+        Gap(int(row), float(clock[row]), float(steps[row]), int(round(steps[row] / period)) - 1)
         for row in np.flatnonzero(long)
     )
     return Timing(

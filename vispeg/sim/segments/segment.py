@@ -15,6 +15,7 @@ from vispeg.recordings.recording import Control, Recording
 EXTERNAL = "external"  # key in `Segment.cache`: (n, nj) N m, external torques on the links at the control ticks
 START_HZ = 20.0  # bandwidth of the motion that gives a closed loop its start state
 SERVO_TICK = 2.5e-3  # s, greatest spacing of the instants at which a new goal may reach a servo
+NEAR = 0.05  # ticks between a sample and the tick at which it was taken: jitter, and times since 1970 hold 0.2 us
 HELD_HZ = 40.0  # bandwidth of the observer's reference motion, high enough to keep its corners
 DEGREE = 3  # of the polynomial whose value at its left end is the start state
 FEWEST = 2 * (DEGREE + 3)  # readings in a window: twice the coefficients of the polynomial with two more degrees
@@ -81,8 +82,8 @@ def _segment(rec: Recording, rows: np.ndarray) -> Segment:
     tick, servo = 1.0 / rec.control.rate_hz, rec.control.mode == "servo"
     if servo:  # goals arrive at any time, and a servo's own loop is faster than any log
         tick /= np.ceil(tick / SERVO_TICK - 1e-9)
-    grid = np.arange(int(np.floor(time[-1] / tick + 1e-6)) + 1) * tick
-    same_clock = len(grid) == len(time) and bool(np.all(np.abs(grid - time) < 0.05 * tick))
+    grid = np.arange(int(np.floor(time[-1] / tick + NEAR)) + 1) * tick
+    same_clock = len(grid) == len(time) and bool(np.all(np.abs(grid - time) < NEAR * tick))
 
     def on_grid(values: np.ndarray, held: bool = False) -> np.ndarray:
         values = bridged(time, values)  # the controller itself had no gap
@@ -107,7 +108,7 @@ def _segment(rec: Recording, rows: np.ndarray) -> Segment:
     q, dq, _ = smooth(grid, raw, START_HZ if closed else HELD_HZ)
     if rec.control.mode in ("osc", "servo"):  # here errors of the start state decay slowly
         q[0], dq[0] = start_state(time, bridged(time, read), noise_of(rec)["q"])
-    return Segment(rec.control, tick, command, q, dq, raw, time, rows, float(rec.time[rows[0]]))
+    return Segment(rec.control, tick, command, q, dq, raw, time, rows, float(rec.elapsed[rows[0]]))
 
 
 def _continuous(quaternions: np.ndarray) -> np.ndarray:

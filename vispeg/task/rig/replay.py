@@ -44,12 +44,13 @@ def replay(rec: Recording, worlds: Sequence[World], *, h_max: float = STEP, nthr
     belief = recorded_cell(rec)
     plants = [belief.world.add(*world.effects) for world in worlds]
     number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
-    out = []
+    out, clock = [], rec.elapsed
     for n in np.unique(number):
         rows = np.flatnonzero(number == n)
         _on_clock(rec, rows)
         q, dq = _start(rec, rows)
-        out.append(run(belief.scene, plants, rec.control, rec.ee_cmd[rows], q, dq, h_max=h_max, nthread=nthread))
+        options = {"begun": float(clock[rows[0]]), "h_max": h_max, "nthread": nthread}
+        out.append(run(belief.scene, plants, rec.control, rec.ee_cmd[rows], q, dq, **options))
     return out
 
 

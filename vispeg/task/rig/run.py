@@ -87,6 +87,7 @@ def run(
     q: np.ndarray,
     dq: np.ndarray,
     *,
+    begun: float = 0.0,
     h_max: float = STEP,
     nthread: int = 1,
     sensed: ReadingNoise | None = None,
@@ -99,6 +100,7 @@ def run(
         control: the controller, of mode osc.
         ee_cmd: (n, 7) flange poses in the base, m and w x y z, one for each tick of the controller.
         q, dq: (nj,) encoder readings at the first tick, rad and rad/s.
+        begun: time of the first tick on the recording's clock, s.
         h_max: greatest physics step, s.
         nthread: threads of the batch.
         sensed: noise that is added in the loop, before the encoders quantize.
@@ -113,7 +115,7 @@ def run(
     cell = Cell(scene, [physical(world) for world in worlds], tick / nsub, tick, nthread, [])
     weight, mass = nominal.gravity(start).copy(), nominal.operational(start)[0]
     apparent = 1.0 / np.diagonal(np.linalg.inv(mass), axis1=1, axis2=2)
-    cell.start(start, np.tile(dq, (nsim, 1)), weight, apparent)
+    cell.start(start, np.tile(dq, (nsim, 1)), weight, apparent, begun)
     cell.use_recording_settings()
     cell.batch.forward()
     reader = Reader(n, nsim, len(q))
