@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import os
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -18,13 +19,15 @@ from vispeg.core.errors import UserError
 from vispeg.formats.yaml_data import parse_yaml
 from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.importers.guess import words as said_of
-from vispeg.recordings.importers.guess.source import guess
+from vispeg.recordings.importers.guess.source import dialect_of, guess
 from vispeg.recordings.importers.mapping import ColumnMap, map_from, read_map
 from vispeg.recordings.importers.npz import import_npz
 from vispeg.recordings.importers.plausible import doubts
 from vispeg.recordings.importers.source import read_source
 from vispeg.recordings.importers.table import import_table
 from vispeg.recordings.load import load
+from vispeg.recordings.tables.read import read_table
+from vispeg.recordings.tables.table import Reading
 from vispeg.recordings.write import write
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*torque_sensor", "ignore:.*unknown")
@@ -296,6 +299,43 @@ def test_units_that_can_be_true_pass(rate):
         assert doubts(rec, known) == []
         assert doubts(replace(rec, q=np.zeros_like(q), dq=np.zeros_like(q)), known) == []  # a robot at rest
         assert doubts(replace(rec, q=0.02 * q + [0.4, -1], dq=None), known) == []  # small motion
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-32"])
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_byte_order_mark_says_how_the_text_is_encoded(tmp_path, encoding, packed):
+    """Excel's "Unicode text": UTF-16, tabs, decimal commas; umlauts and the degree sign in the names."""
+    rec = recording(30, rate_hz=100.0)
+    names = ["Zeit [s]", "Gelenk 1 [°]", "Gelenk 2 [°]"]
+    rows = ["\t".join(repr(x).replace(".", ",") for x in row) for row in np.c_[rec.time, np.degrees(rec.q)].tolist()]
+    file = tmp_path / ("log.csv.gz" if packed else "log.csv")
+    data = "\r\n".join(["\t".join(names), *rows, ""]).encode(encoding)
+    file.write_bytes(gzip.compress(data) if packed else data)
+    found = guess(file, JOINTS, Limits(np.full((2, 2), [-7.0, 7.0]), np.full(2, np.inf), np.full(2, np.inf)))
+    mapping = map_from(said_of.data(found), file, JOINTS)
+    back = import_table(file, "iiwa14", JOINTS, mapping)
+    np.testing.assert_allclose(back.q, rec.q, atol=1e-12)
+    file.write_bytes(gzip.compress(data[:-7]) if packed else data[:-7])  # within the last number
+    assert len(import_table(file, "iiwa14", JOINTS, mapping).time) == 30
+
+
+@pytest.mark.parametrize("first", ["11,5", "1,5", "-11,5"])
+def test_a_decimal_comma_is_no_time_of_day(tmp_path, first):
+    """ISO 8601 knows `11,5` as half a second past eleven."""
+    (tmp_path / "log.csv").write_text(f"time;angle\n0,0;{first}\n0,1;2,25\n")
+    table = read_table(tmp_path / "log.csv", Reading(dialect=dialect_of(tmp_path / "log.csv")))
+    assert table.number("angle").tolist() == [float(first.replace(",", ".")), 2.25] and not table.dates
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_table_in_latin_1_says_how_to_convert_it(tmp_path, packed):
+    """Of a header in another encoding, and of a cell far down."""
+    text, file = "time,Gelenk 1 [°]\n0,1\n0.1,2\n".encode("latin-1"), tmp_path / f"log 1.csv{'.gz' * packed}"
+    for data in (text, text.replace(b"\xb0", b"") + b"0.2,\xb0\n"):
+        file.write_bytes(gzip.compress(data) if packed else data)
+        for read in (partial(read_table, file, Reading()), partial(dialect_of, file)):
+            with pytest.raises(UserError, match="is not UTF-8 text.*iconv -f CP1252 -t UTF-8 'log 1.csv"):
+                read()
 
 
 @pytest.mark.parametrize("separator, decimal", [(";", ","), ("\t", "."), (" ", "."), (",", ".")])

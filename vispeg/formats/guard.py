@@ -6,6 +6,7 @@ import codecs
 import math
 import os
 import re
+import shlex
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -97,14 +98,20 @@ def read_text(path: str | Path, most: int = MB) -> str:
     data = read_bytes(path, most)
     for mark, name in MARKS.items():
         if data.startswith(mark):
-            raise UserError(f"is {name} text", file=path, expected="UTF-8")
+            raise UserError(f"is {name} text", file=path, expected=recoded(path, name))
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise UserError(f"is not UTF-8 text (byte {error.start})", file=path) from None
+        raise UserError(f"is not UTF-8 text (byte {error.start})", file=path, expected=recoded(path)) from None
     if not text.strip():
         raise UserError("is empty", file=path)
     return text
+
+
+def recoded(path: str | Path, encoding: str = "CP1252") -> str:
+    """Say how a text file becomes UTF-8, by default one in the encoding of Western European Windows programs."""
+    name = shlex.quote(Path(path).name)
+    return f"UTF-8: iconv -f {encoding} -t UTF-8 {name} > NEW" + (", if it is Latin-1" if encoding == "CP1252" else "")
 
 
 def check(data: Any, file: str | Path, key: str | None = None, *, finite: bool = True) -> None:

@@ -158,6 +158,8 @@ def as_seconds(cell: str) -> float | None:
     try:
         date = datetime.fromisoformat(cell)
     except ValueError:
+        if ":" not in cell:  # the number 11,5 would be half a second past eleven
+            return None
         try:
             day = time.fromisoformat(cell)
         except ValueError:

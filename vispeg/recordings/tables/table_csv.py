@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import gzip
 import io
@@ -21,7 +22,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.formats.guard import refuse_special
+from vispeg.formats.guard import MARKS, recoded, refuse_special
 from vispeg.recordings.tables.table import (
     MAX_BYTES,
     Columns,
@@ -152,16 +153,24 @@ def split_cells(line: str, dialect: Dialect) -> list[str]:
 
 @contextmanager
 def opened(file: Path, blanks: bool = False) -> Iterator[io.BufferedReader]:
-    """Open a file as bytes, decompressed if gzipped, without a byte order mark; `raw` tells the position in the file.
+    """Open a file as UTF-8, decompressed if gzipped, without its byte order mark; `raw` tells the position in the file.
+
+    A mark of UTF-16 or UTF-32, as Excel's "Unicode text" has, says which encoding to convert from.
 
     With `blanks`, every run of blanks and tabs becomes one blank, and those at the ends of a line are removed.
     """
     refuse_special(file)
     with file.open("rb") as raw:
-        packed = file.suffix.lower() == ".gz"
-        stream = _Limited(gzip.GzipFile(fileobj=raw) if packed else raw, raw, file, blanks)
+        source: Any = gzip.GzipFile(fileobj=raw) if file.suffix.lower() == ".gz" else raw
+        encoding = "UTF-8"
         try:
-            yield io.BufferedReader(stream, 1 << 18)
+            start = source.peek(4)
+            encoding = next((name for mark, name in MARKS.items() if start.startswith(mark)), encoding)
+            source = source if encoding == "UTF-8" else codecs.EncodedFile(source, "UTF-8", encoding)
+            yield io.BufferedReader(_Limited(source, raw, file, blanks), 1 << 18)
+        except UnicodeDecodeError as error:
+            expected = recoded(file) if encoding == "UTF-8" else f"{encoding}, as its first bytes say"
+            raise UserError(f"is not {encoding} text", file=file, expected=expected) from error
         except (gzip.BadGzipFile, zlib.error, EOFError) as error:
             raise UserError(f"is not a gzip file that can be read: {error}", file=file) from error
 
@@ -184,7 +193,7 @@ class _Limited(io.RawIOBase):
             if not data:
                 return 0
             if not self._count:
-                data = data.removeprefix(b"\xef\xbb\xbf")
+                data = data.removeprefix(codecs.BOM_UTF8)
                 data = data.lstrip(b" \t") if self._blanks else data
             self._count += len(data)
             if self._count > MAX_BYTES:
@@ -279,7 +288,8 @@ def _line(stream: BinaryIO, file: Path, number: int) -> str:
     try:
         return line.decode()
     except UnicodeDecodeError as error:
-        raise UserError(f"is not UTF-8 text (line {number + 1}, byte {error.start})", file=file) from error
+        where = f"line {number + 1}, byte {error.start}"
+        raise UserError(f"is not UTF-8 text ({where})", file=file, expected=recoded(file)) from error
 
 
 def _refuse_dialect(head: str, second: str, dialect: Dialect, file: Path) -> None:
@@ -288,10 +298,12 @@ def _refuse_dialect(head: str, second: str, dialect: Dialect, file: Path) -> Non
     other = max((sign for sign in (",", ";", "\t") if sign != separator), key=head.count)
     if head.count(other) <= head.count(separator):
         return
-    commas = other == ";" and "," in second
-    also = ", and its numbers have decimal commas: write it with points and commas (1.5,2.5)" if commas else ""
+    commas = other != "," and "," in second
+    also, mark = (", and its numbers have decimal commas", ', decimal: ","') if commas else ("", "")
     name = {";": "semicolons", "\t": "tabs", ",": "commas"}[other]
-    raise UserError(f"columns are separated by {name}{also}", file=file, expected=repr(separator), got=other)
+    written = f'table: {{separator: "{other}"{mark}}}'.replace("\t", "\\t")
+    expected = f"{separator!r}; `vispeg convert` reads it with --guess, or a map with {written}"
+    raise UserError(f"columns are separated by {name}{also}", file=file, expected=expected)
 
 
 def _all_numbers(file: Path, head: Head, wanted: list[str], reading: Reading) -> Table | None:

@@ -295,8 +295,6 @@ def dialect_of(file: Path, names: tuple[str, ...] = ()) -> Dialect:
                 first = False
                 if comments > MOST_COMMENTS:
                     break
-    except UnicodeDecodeError as error:
-        raise UserError("is not UTF-8 text", file=file) from error
     except OSError as error:
         raise UserError(f"cannot be read: {error.strerror or error}", file=file) from error
     if not lines:
