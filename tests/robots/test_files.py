@@ -4,11 +4,13 @@ import hashlib
 import os
 import re
 import sys
+import warnings
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 from robots import arms
 
 from vispeg.core.errors import UserError
@@ -67,6 +69,23 @@ def test_urdf_keeps_every_link_and_guesses_no_mass(tmp_path):
     np.testing.assert_array_equal(arm.velocity_limit, [3, np.inf])
     np.testing.assert_array_equal(arm.range, [[-1, 2], [-np.inf, np.inf]])
     assert not model.dof_damping.any() and not model.dof_frictionloss.any() and not model.jnt_actfrclimited.any()
+
+
+def test_meshes_that_are_left_out_are_named(tmp_path):
+    """Those of a package that is not there, and those that MuJoCo does not read; a mesh that is there is used."""
+    write(tmp_path, "<COLLADA/>", "skin.dae")
+    path = write(tmp_path, URDF.replace("missing.dae", "skin.dae"), "two.urdf")
+    with pytest.warns(UserWarning) as notes:
+        load(path)
+    absent, unread = (str(n.message) for n in notes)
+    assert "upper.stl (visual of upper)" in absent and "ROS_PACKAGE_PATH" in absent and "skin.dae" not in absent
+    assert "skin.dae (visual of lower)" in unread and ".stl" in unread and "upper" not in unread
+    trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "skin.stl")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for name in ("skin.stl", "file://skin.stl", f"package://{tmp_path.name}/skin.stl"):
+            text = re.sub('filename="[^"]*"', f'filename="{name}"', URDF)
+            assert load(write(tmp_path, text, "whole.urdf")).compile().nmesh == 1
 
 
 @pytest.mark.parametrize(

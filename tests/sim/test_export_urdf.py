@@ -154,6 +154,30 @@ def test_a_simulator_that_reads_it_draws_what_is_drawn_and_collides_with_what_co
     assert np.allclose(theirs.geom_rgba[~collides], [[0.5, 0.5, 0.5, 1], [0, 0, 1, 0.5], [1, 0, 0, 1]])
 
 
+@pytest.mark.parametrize("shape", ['capsule" size=".05 .12', 'ellipsoid" size=".05 .12 .2'])
+def test_a_capsule_and_an_ellipsoid_touch_what_they_touched(shape, tmp_path):
+    """Rays from all around meet the shapes of the URDF where they meet the shape of the model."""
+    text = OFFSET.replace('type="sphere" size="0.05', f'pos=".1 .2 .3" euler=".3 .2 .5" type="{shape}')
+    (tmp_path / "arm.xml").write_text(text)
+    made = to_urdf(World(str(tmp_path / "arm.xml")))
+    models, met = (mujoco.MjModel.from_xml_string(text), read(made, tmp_path)), []
+    assert not made.lacking and models[0].ngeom == 3
+    data = mujoco.MjData(models[0])
+    mujoco.mj_kinematics(models[0], data)
+    middle, rng = data.geom_xpos[1].copy(), stream(0, "around")
+    ways, aside = rng.normal(size=(200, 3)), rng.uniform(-0.1, 0.1, (200, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)  # begin 1 m away
+    for model in models:
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        rays = zip(middle + aside - ways, ways, strict=True)
+        hits = [mujoco.mj_ray(model, data, at, way, None, 1, -1, np.zeros(1, np.int32)) for at, way in rays]
+        met.append(np.array(hits))
+    assert (met[0] > 0).sum() > 100
+    both = (met[0] > 0) & (met[1] > 0)
+    assert (both != (met[0] > 0)).sum() <= 2 and np.allclose(*(m[both] for m in met), atol=2e-3), "m"
+
+
 @pytest.mark.parametrize("to", ["urdf", "mjcf"])
 def test_the_name_of_a_mesh_leads_to_no_other_folder(to, tmp_path):
     (tmp_path / "deep/er").mkdir(parents=True)
@@ -214,14 +238,14 @@ def test_what_of_a_file_urdf_has_no_element_for_is_said(tmp_path, capsys):
     tendon = "<tendon><fixed name='rope'><joint joint='j1' coef='1'/></fixed></tendon>"
     option = "<option gravity='0 0 -1.62' density='1.2'/></mujoco>"
     text = COUPLED.replace("-.7 0 0 0", "-.7 .2 0 0").replace('name="j2"', 'name="j2" stiffness="3" damping="1 2"')
-    text = text.replace('type="sphere" size="0.05"', 'type="capsule" size="0.05 0.1"')
+    text = text.replace("</worldbody>", '<geom type="plane" size="1 1 1"/></worldbody>')
     (tmp_path / "arm.xml").write_text(text.replace("</mujoco>", tendon + option))
     made = to_urdf(World(str(tmp_path / "arm.xml")))
     springs, *others, gravity, medium = made.lacking
     assert (springs, gravity) == ("springs of j2", "gravity of 0 0 -1.62 m/s^2") and medium.startswith(
         "a medium of 1.2"
     )
-    assert others == ["damping that grows with speed of j2", "couplings equality1", "tendons rope", "shapes capsule"]
+    assert others == ["damping that grows with speed of j2", "couplings equality1", "tendons rope", "shapes plane"]
     assert run(["export", str(tmp_path / "arm.xml"), "--to", "urdf", "--out", str(tmp_path / "arm.urdf")]) == 0
     assert f"URDF has no element for it: {'; '.join(made.lacking)}" in " ".join(capsys.readouterr().out.split())
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import mujoco
@@ -22,6 +22,7 @@ from vispeg.formats.xml_tree import read_xml
 from vispeg.robots.arm import REFUSALS
 from vispeg.robots.urdf_check import check_urdf
 
+NAMED = 3  # meshes that a note names
 READABLE = (".stl", ".obj", ".msh")
 SPECK = 1e-9, 1e-12  # kg, kg m^2: given to a massless link between joints, as MuJoCo requires some inertia
 LEAST = 1e-15  # kg m^2: mjMINVAL, below which MuJoCo refuses a moment of inertia
@@ -49,7 +50,7 @@ def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
     stated = [(j.get("name", ""), j.find("limit")) for j in root.iter("joint")]
     limits = {name: _limits(name, limit, path) for name, limit in stated if limit is not None}
     options = _options(root, path)
-    _resolve_meshes(root, path, options.get("meshdir", ""))
+    dropped = _resolve_meshes(root, path, options.get("meshdir", ""))
     _correct_inertias(root, path, options)
     for old in root.findall("mujoco"):
         root.remove(old)
@@ -69,6 +70,8 @@ def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
     for geom in spec.geoms:
         visual = geom.contype == 0 and geom.conaffinity == 0
         geom.group = 2 if visual else 3
+    for text in dropped:  # last, so that an error stands alone
+        note(text)
     return spec, limits
 
 
@@ -156,11 +159,15 @@ def _correct_inertias(root: ET.Element, path: Path, options: Mapping[str, str]) 
         note(f"{path}: impossible inertias are {cure}: {', '.join(corrected)}")
 
 
-def _resolve_meshes(root: ET.Element, path: Path, meshes: str) -> None:
+def _resolve_meshes(root: ET.Element, path: Path, meshes: str) -> list[str]:
     """Make mesh paths absolute; drop shapes whose file is missing or has a format that MuJoCo does not read.
 
     `meshes` is the `meshdir` that the file states, in which meshes are looked for too, by path and by name alone.
+
+    Returns:
+        Notes on what was dropped.
     """
+    missing, unread = list[str](), list[str]()
     for link in root.iter("link"):
         for shape in [*link.findall("visual"), *link.findall("collision")]:
             mesh = shape.find("geometry/mesh")
@@ -172,8 +179,21 @@ def _resolve_meshes(root: ET.Element, path: Path, meshes: str) -> None:
                 file = locate(name, path.parent / meshes) or locate(Path(name).name, path.parent / meshes)
             if file is None or file.suffix.lower() not in READABLE:
                 link.remove(shape)
+                (missing if file is None else unread).append(f"{name} ({shape.tag} of {link.get('name')})")
             else:
                 mesh.set("filename", str(file))
+    packages = " (looked for in the folders above it and in ROS_PACKAGE_PATH)"
+    packages = packages if any("package://" in name for name in missing) else ""
+    reasons = (
+        (missing, f"were not found{packages}"),
+        (unread, "have a format that MuJoCo does not read (save them as .stl or .obj)"),
+    )
+    return [f"{path}: the arm is without meshes that {why}: {_some(names)}" for names, why in reasons if names]
+
+
+def _some(names: Sequence[str]) -> str:
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return ", ".join(names[:NAMED]) + more
 
 
 def locate(name: str, folder: Path) -> Path | None:

@@ -17,6 +17,7 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.report.live.shapes import rgba_of, visible
 from vispeg.robots.model import GRAVITY, RobotModel, load
+from vispeg.robots.solids import solid
 from vispeg.sim.export import compiled_with, free_name, is_native, listed
 from vispeg.worlds.world import World
 
@@ -24,7 +25,8 @@ from vispeg.worlds.world import World
 HOLDS = {"dof_frictionloss", "dof_damping", "body_mass", "body_ipos", "body_iquat", "body_inertia"}
 KINDS = {int(mujoco.mjtJoint.mjJNT_HINGE): "revolute", int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic"}
 G = mujoco.mjtGeom
-SHAPES = ("mesh", "box", "sphere", "cylinder")  # that URDF has
+SHAPES = ("mesh", "box", "sphere", "cylinder", "capsule", "ellipsoid")  # that URDF has, the last two in other words
+SECTIONS = 64  # sides of an ellipsoid around, which then is 0.1 % too thin between its corners
 
 
 @dataclass(frozen=True)
@@ -96,8 +98,7 @@ def to_urdf(world: World, meshes: str = "meshes") -> Urdf:
     for role, geoms in roles.items():
         for g in geoms:
             b = model.body(plain.body(plain.geom_bodyid[g]).name).id
-            if (made := _geometry(plain, g, files)) is not None:
-                shape, pos, quat = made
+            for shape, pos, quat in _geometries(plain, g, files):
                 element = xml.SubElement(links[b], role)
                 _origin(element, pos - shift[b], quat)
                 element.append(shape)
@@ -218,43 +219,67 @@ def _material(visual: xml.Element, model: mujoco.MjModel, g: int) -> None:
     xml.SubElement(material, "color", rgba=rgba)
 
 
-def _geometry(
+def _geometries(
     model: mujoco.MjModel, g: int, meshes: Mapping[int, _Mesh]
-) -> tuple[xml.Element, np.ndarray, np.ndarray] | None:
-    """Return the `<geometry>` of geom `g` and its pose in the body; None for a kind that URDF does not have."""
-    kind, size, shape = model.geom_type[g], model.geom_size[g], xml.Element("geometry")
+) -> list[tuple[xml.Element, np.ndarray, np.ndarray]]:
+    """Return each `<geometry>` of geom `g` and its pose in the body; none for a kind that URDF cannot express.
+
+    A capsule is a cylinder and two spheres, an ellipsoid a mesh.
+    """
+    kind, size = model.geom_type[g], model.geom_size[g]
     pos, quat = model.geom_pos[g], model.geom_quat[g]
-    if kind == G.mjGEOM_MESH:
-        mesh = meshes[int(model.geom_dataid[g])]
-        xml.SubElement(shape, "mesh", filename=mesh.file)
-        turn = Rotation.from_quat(quat, scalar_first=True) * mesh.turn.inv()
-        pos, quat = pos - turn.apply(mesh.pos), turn.as_quat(scalar_first=True)
-    elif kind == G.mjGEOM_BOX:
-        xml.SubElement(shape, "box", size=_numbers(2 * size))
-    elif kind == G.mjGEOM_SPHERE:
-        xml.SubElement(shape, "sphere", radius=f"{size[0]:.12g}")
-    elif kind == G.mjGEOM_CYLINDER:
-        xml.SubElement(shape, "cylinder", radius=f"{size[0]:.12g}", length=f"{2 * size[1]:.12g}")
-    else:
-        return None
-    return shape, pos, quat
+    turn = Rotation.from_quat(quat, scalar_first=True)
+    radius, length = f"{size[0]:.12g}", f"{2 * size[1]:.12g}"
+    ends = turn.apply([[0.0, 0.0, size[1]], [0.0, 0.0, -size[1]]])
+    if g in meshes:
+        mesh = meshes[g]
+        back = turn * mesh.turn.inv()
+        return [(_shape("mesh", filename=mesh.file), pos - back.apply(mesh.pos), back.as_quat(scalar_first=True))]
+    if kind == G.mjGEOM_BOX:
+        return [(_shape("box", size=_numbers(2 * size)), pos, quat)]
+    if kind == G.mjGEOM_SPHERE:
+        return [(_shape("sphere", radius=radius), pos, quat)]
+    if kind == G.mjGEOM_CYLINDER:
+        return [(_shape("cylinder", radius=radius, length=length), pos, quat)]
+    if kind == G.mjGEOM_CAPSULE:
+        caps = [(_shape("sphere", radius=radius), pos + end, quat) for end in ends]
+        return [(_shape("cylinder", radius=radius, length=length), pos, quat), *caps]
+    return []
+
+
+def _shape(kind: str, **sizes: str) -> xml.Element:
+    geometry = xml.Element("geometry")
+    xml.SubElement(geometry, kind, sizes)
+    return geometry
 
 
 def _meshes(model: mujoco.MjModel, geoms: Iterable[int], folder: str) -> dict[int, _Mesh]:
-    """Return the meshes of `geoms` as STL, by their id.
+    """Return the STL that stands for each of `geoms` that is a mesh or an ellipsoid, by geom.
 
-    Vertices are the compiled ones, since a URDF states neither a mesh's reference pose nor other formats than STL that
-    every reader has; they are moved back to the origin of the file, from where the compiler moves them to the centre of
-    mass and the principal axes.
+    Vertices of meshes are the compiled ones, since a URDF states neither a mesh's reference pose nor other formats than
+    STL that every reader has; they are moved back to the origin of the file, from where the compiler moves them to the
+    centre of mass and the principal axes.
     """
     made: dict[int, _Mesh] = {}
-    for m in sorted({int(model.geom_dataid[g]) for g in geoms if model.geom_type[g] == G.mjGEOM_MESH}):
-        v, f = int(model.mesh_vertadr[m]), int(model.mesh_faceadr[m])
-        turn, pos = Rotation.from_quat(model.mesh_quat[m], scalar_first=True), model.mesh_pos[m]
-        vertices = turn.apply(model.mesh_vert[v : v + model.mesh_vertnum[m]]) + pos
-        faces = model.mesh_face[f : f + model.mesh_facenum[m]]
-        file = free_name(f"{folder}/", model.mesh(m).name, ".stl", [mesh.file for mesh in made.values()])
-        made[m] = _Mesh(file, export_stl(trimesh.Trimesh(vertices, faces, process=False)), pos, turn)
+    of_mesh: dict[int, _Mesh] = {}
+    for g in sorted(set(geoms), key=lambda g: (int(model.geom_dataid[g]), g)):
+        kind, m = G(int(model.geom_type[g])), int(model.geom_dataid[g])
+        surface = solid(model, g, SECTIONS) if kind in (G.mjGEOM_MESH, G.mjGEOM_ELLIPSOID) else None
+        if surface is None:
+            continue
+        if m in of_mesh:
+            made[g] = of_mesh[m]
+            continue
+        vertices, faces = surface
+        turn, pos, name = Rotation.identity(), np.zeros(3), f"{_name(model, int(model.geom_bodyid[g]))}-ellipsoid"
+        if kind == G.mjGEOM_MESH:
+            turn, pos = Rotation.from_quat(model.mesh_quat[m], scalar_first=True), model.mesh_pos[m]
+            name = model.mesh(m).name
+        file = free_name(f"{folder}/", name, ".stl", [mesh.file for mesh in made.values()])
+        stl = export_stl(trimesh.Trimesh(turn.apply(vertices) + pos, faces, process=False))
+        made[g] = _Mesh(file, stl, pos, turn)
+        if kind == G.mjGEOM_MESH:
+            of_mesh[m] = made[g]
     return made
 
 
