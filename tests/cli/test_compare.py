@@ -97,6 +97,11 @@ def test_mistakes(refused, rigs, tmp_path):
     refused(["compare", "iiwa14", "--recording", rigs["nominal"], rigs["nominal"], "--out", "c"], "given twice")
     refused(["compare", "iiwa14", rigs["nominal"], "--recording", rigs["short"], "--out", "c"], "Unrecognized")
     refused(["compare", "gone.yaml", "--recording", rigs["nominal"], "--out", "c"], "gone.yaml: no such file")
+    for recordings in (), ("--recording", rigs["short"]):
+        refused(["compare", rigs["nominal"], *recordings, "--out", "c"], "is a recording, not a robot", "--recording")
+    (tmp_path / "found").mkdir()
+    (tmp_path / "found" / "model.yaml").write_text("format: vispeg-model/1\n")
+    refused(["compare", "found", "--recording", rigs["short"], "--out", "c"], "found/model.yaml")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine").write_text("mine")
     refused(["compare", "iiwa14", "--recording", rigs["nominal"], "--out", "full"], "not empty")

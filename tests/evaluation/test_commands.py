@@ -56,10 +56,11 @@ def test_a_gap_from_records_and_a_robots_csv(vispeg, tmp_path, invented):
             "did you mean 'nominal'",
         ),
         (("evaluate", "expert", "--episodes", "0", "--out", "g"), "no episodes"),
+        (("evaluate", "expert", "--clearance", "0", "--out", "g"), "expected above 0 to 20 mm; got 0.0"),
         (("evaluate", "expert", "--controls", "frosen", "--out", "g"), "did you mean 'frozen'"),
         (("evaluate", "expert", "expert", "--out", "g"), "two policies called expert"),
         *(
-            ((*command, "--seed", str(2**63 - 1), "--out", "g"), "expected 0 to 46116860184263")
+            ((*command, "--seed", str(2**63 - 1), "--out", "g"), "expected 0 to 92233720368537")
             for command in (("evaluate", "expert"), ("gap", "expert", "--controls", "none"), ("perturb", "expert"))
         ),
         (("train", "peg-state", "--seed", str(2**32), "--out", "g"), "expected 0 to 2^32 - 1"),

@@ -109,7 +109,7 @@ def test_one_thing_stands_for_a_list_of_it(tmp_path):
 
 
 def test_a_seed_that_is_none_is_refused_before_work(tmp_path):
-    with pytest.raises(vispeg.UserError, match="^seed: .*0 or more; got -1"):
+    with pytest.raises(vispeg.UserError, match="^seed: .* from 0 to .*; got -1"):
         vispeg.diagnose("iiwa14", tmp_path / "not-read", tmp_path / "neither", seed=-1)
     with pytest.raises(vispeg.UserError, match="^seed: "):
         vispeg.fit("iiwa14", tmp_path / "not-read", seed=-1)

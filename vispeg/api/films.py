@@ -8,6 +8,7 @@ from pathlib import Path
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
+from vispeg.core.seeds import check_seed
 from vispeg.report.text.summary import Block, Line, html
 
 
@@ -142,6 +143,8 @@ def play(
     chosen, settings = played_in(policy, world, tolerance)
     usual = Path("films") / f"{Path(policy).resolve().name}-{Path(chosen).stem}"
     folder = usual if out is None else Path(out).expanduser()
+    check_seed(seed)
+    check_seed(seed + episodes - 1)  # the others count up
     seeds, made = [seed + k for k in range(episodes)], list[Film]()
     for film in films(policy, chosen, settings, seeds, folder, overwrite):
         made.append(film)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from vispeg.core.disk import written
 from vispeg.core.errors import UserError
 from vispeg.core.lock import claimed
+from vispeg.core.seeds import check_seed
 from vispeg.interface.exported import Exported
 from vispeg.interface.interface import Interface, NoInterface
 from vispeg.interface.terms import FELT
@@ -115,6 +116,9 @@ def run(
     """
     if episodes is not None and episodes < 1:
         raise UserError("no episodes", key="--episodes", expected="1 or more", got=episodes)
+    if seed is not None:  # the episodes' seeds count up from it
+        check_seed(seed)
+        check_seed(seed + (episodes or 1) - 1)
     acts, interface, who = opened(policy, world, name)
     robot_name = robot if isinstance(robot, str) else type(robot).__name__
     target = driver(robot) if isinstance(robot, str) else robot

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
+from vispeg.core.seeds import check_seed
 
 # Larger than every quantity of an arm in SI units (a steel contact's stiffness is 1e8 N/m), and than every count that a
 # run can finish; a larger value is a typing error or in another unit.
 LARGEST = 1e9
-SEEDS = 2**63  # exclusive: seeds are stored as 64-bit integers
 LONGEST_NAME, LONGEST_PATH = 255, 4095  # limits of Linux file systems, bytes
 
 
@@ -76,8 +76,8 @@ def _check_number(name: str, value: float) -> None:
     if isinstance(value, float) and math.isnan(value):
         raise UserError("is not a number", key=name, got="nan")
     whole = isinstance(value, int)
-    if name == "--seed" and not 0 <= value < SEEDS:
-        raise UserError("no such seed", key=name, got=str(value), expected="a whole number from 0 to 2^63 - 1")
+    if name == "--seed":
+        check_seed(value, name)
     if name not in ("--seed", "--port") and (abs(value) > LARGEST or (whole and value < 0)):
         low = "0" if whole else f"-{LARGEST:g}"
         raise UserError("out of range", key=name, got=f"{value:g}", expected=f"{low} to {LARGEST:g}")

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import hashlib
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
 from vispeg.core.errors import UserError
+
+LAST_SEED = 2**63 - 1  # results and environments store seeds as 64-bit integers
 
 
 def stream(seed: int, *keys: object) -> np.random.Generator:
     """Return the generator for (seed, keys). It is the same on every machine and independent of those of other keys.
 
     Raises:
-        UserError: the seed is negative.
+        UserError: as `check_seed`.
     """
     check_seed(seed)
     words = _words("\x1f".join(map(str, keys)))
@@ -25,10 +28,10 @@ def stream(seed: int, *keys: object) -> np.random.Generator:
     return np.random.default_rng([seed, *words.tolist()])
 
 
-def check_seed(seed: int) -> None:
-    """Raise UserError if the seed is negative."""
-    if seed < 0:
-        raise UserError("not a seed", key="--seed", expected="0 or more", got=seed)
+def check_seed(seed: object, key: str | None = "--seed", file: str | Path | None = None) -> None:
+    """Raise UserError unless a seed is a whole number from 0 to LAST_SEED; `key` and `file` say where it was stated."""
+    if not isinstance(seed, int | np.integer) or not 0 <= seed <= LAST_SEED:
+        raise UserError("no such seed", key=key, file=file, expected="a whole number from 0 to 2^63 - 1", got=seed)
 
 
 @lru_cache(maxsize=4096)

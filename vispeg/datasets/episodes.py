@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NotRequired, TypedDict, cast
 
 from vispeg.core.errors import UserError
+from vispeg.core.seeds import LAST_SEED
 from vispeg.datasets.describe import is_integer, is_number
 from vispeg.datasets.parquet import checked, opened, read, table
 from vispeg.formats.guard import read_bytes
@@ -26,10 +27,14 @@ def _worlds(value: Any) -> bool:
     return all(isinstance(params, dict) and all(map(is_number, params.values())) for params in value.values())
 
 
+def _is_seed(value: Any) -> bool:
+    return is_integer(value) and 0 <= value <= LAST_SEED
+
+
 KINDS: Mapping[str, Callable[[Any], bool]] = {  # column without its prefix -> test of its values
-    "seed": is_integer,
+    "seed": _is_seed,
     "look": is_integer,
-    "look_seed": is_integer,
+    "look_seed": _is_seed,
     "redraws": lambda n: is_integer(n) and 0 <= n < 10**6,
     "redraws_exhausted": lambda b: isinstance(b, bool),
     "cut": lambda b: isinstance(b, bool),

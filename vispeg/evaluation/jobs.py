@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
-from vispeg.core.seeds import stream
+from vispeg.core.seeds import LAST_SEED, stream
 from vispeg.evaluation.controls import ON_IMAGES, at_nominal
 from vispeg.evaluation.entrants import Entrant
 from vispeg.evaluation.overlay import Change, overlay
-from vispeg.evaluation.records import LAST_SEED
 from vispeg.evaluation.remainder import Remainder
 from vispeg.evaluation.replay import Replays
 from vispeg.render.image_kinds import MODES

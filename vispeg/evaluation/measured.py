@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
-from vispeg.evaluation.records import LAST_SEED, Episode, measure
+from vispeg.core.seeds import check_seed
+from vispeg.evaluation.records import Episode, measure
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import MB, read_text
 from vispeg.task.registry import FIRST, task
@@ -213,10 +214,9 @@ def _whole(text: str, name: str, where: Mapping[str, Any]) -> int:
     try:
         value = int(text)
     except ValueError:  # not a number, or one with thousands of digits
-        value = LAST_SEED + 1
-    if abs(value) > LAST_SEED:
-        raise UserError(f"{name} is not a number", **where, expected="a whole number", got=text)
-    return value
+        value = None
+    check_seed(text if value is None else value, f"{where['key']}: {name}", where["file"])
+    return int(text)
 
 
 def _real(text: str, name: str, where: Mapping[str, Any]) -> float:

@@ -11,12 +11,12 @@ from typing import Any
 
 from vispeg.core.disk import written
 from vispeg.core.errors import UserError
+from vispeg.core.seeds import check_seed
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import read_bytes
 from vispeg.formats.json_data import parse_json
 
 LARGEST = 2_000_000_000  # largest file of episodes, bytes
-LAST_SEED = 2**62  # largest seed
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,9 @@ def _parse(line: bytes, path: Path, number: int) -> Episode:
     types |= {"success": bool, "category": str}
     for key, kind in {"control": str, "configuration": str, **types}.items():
         value: Any = row.setdefault(key, "") if key not in types else row.get(key)
-        if type(value) is not kind or (kind is int and abs(value) > LAST_SEED):
+        if kind is int:
+            check_seed(value, f"line {number}: {key}", path)
+        elif type(value) is not kind:
             raise UserError(f"{key} is missing or of the wrong type", **where, expected=kind.__name__, got=value)
     for key in ("time", "peak_force", "lateral_error", "depth", "clipped"):
         value = row.get(key)

@@ -219,6 +219,12 @@ def check_name(robot: str, file: Path | None = None, key: str | None = None) -> 
 
 def _unknown(robot: str, file: Path | None = None, key: str | None = None) -> UserError:
     hint = "a name, or a path to an .xml (MJCF) or .urdf"
+    if is_file(Path(robot) / "recording.yaml"):
+        expected = f"{hint}, or a model; recordings are arguments of their own (--recording {robot})"
+        return UserError("is a recording, not a robot", file=file or robot, key=key, expected=expected)
+    if is_file(Path(robot) / "model.yaml"):
+        inside = str(Path(robot) / "model.yaml")
+        return UserError("is a folder, not a robot", file=file or robot, key=key, expected=f"its model, {inside}")
     names = dict.fromkeys([*available(), *menagerie.ARMS])
     return UserError("unknown robot", file=file, key=key, expected=hint, got=robot, choices=[*names])
 

@@ -47,7 +47,7 @@ class SceneConfig(PegGeometry):
         for key, (low, high, unit) in rules.items():
             value = getattr(self, key)
             if value is not None and not low < value <= high:
-                expected = f"{max(low, 0):g} to {high:g} {unit}".rstrip()
+                expected = f"{'0' if low < 0 else f'above {low:g}'} to {high:g} {unit}".rstrip()
                 raise UserError("impossible geometry", key=key, expected=expected, got=value)
         if not self.peg_mesh and not round(self.diameter * 1e3, 6).is_integer():
             raise UserError("a peg's diameter must be a whole number of mm", key="diameter", got=self.diameter)

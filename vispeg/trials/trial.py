@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
+from vispeg.core.seeds import LAST_SEED
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.typed import typed
 from vispeg.recordings.cell import Outcome
@@ -32,6 +33,7 @@ By = Literal["robot", "person", "measured", "simulator"]
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Seed = Annotated[int, Field(ge=0, le=LAST_SEED)]
 Vec3 = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 
 
@@ -45,7 +47,7 @@ class PolicyPart(_Part):
     name: Annotated[str, Field(min_length=1)]
     digest: str = ""
     modality: str = ""
-    train_seed: int = 0
+    train_seed: Seed = 0
 
 
 class WorldPart(_Part):
@@ -113,7 +115,7 @@ class Said(_Part):
     policy: PolicyPart
     robot: str = ""
     task: str = ""
-    seed: int | None = None
+    seed: Seed | None = None
     world: WorldPart = WorldPart()
     start: StartPart
     outcome: OutcomePart

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.core.seeds import stream
+from vispeg.core.seeds import check_seed, stream
 
 RGBD, RGB = "rgbd", "rgb"
 # most frames and bytes of a shard; its last episode is cut off, so smaller shards waste more simulation
@@ -62,8 +62,7 @@ class Plan:
             raise UserError("not a share of the largest action", key="noise", expected="0 to 1", got=self.noise)
         if self.modality not in (RGBD, RGB):
             raise UserError("no such pictures", key="modality", got=self.modality, choices=(RGBD, RGB))
-        if self.seed < 0:
-            raise UserError("not a seed", key="seed", expected="0 or more", got=self.seed)
+        check_seed(self.seed, "seed")
 
     @property
     def shards(self) -> tuple[Shard, ...]:

@@ -81,7 +81,7 @@ def headline(data: Dataset | Bop) -> Mapping[str, object]:
         "lengths": " to ".join(dict.fromkeys((str(min(lengths)), str(max(lengths))))),
         "megabytes": f"{sum(f.stat().st_size for f in data.folder.rglob('*') if f.is_file()) / 1e6:.1f}",
         "ends": [(k, n) for k, n in ends.most_common() if k],
-        "plan": {k: ", ".join(v) if isinstance(v, list) else v for k, v in plan.items() if k not in DIGESTS},
+        "plan": {k: ", ".join(map(str, v)) if isinstance(v, list) else v for k, v in plan.items() if k not in DIGESTS},
         "hash": plan.get("world_hash", ""),
         "fps": data.info["fps"],
     }

@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from vispeg.core.errors import UserError
-from vispeg.core.seeds import stream
+from vispeg.core.seeds import check_seed, stream
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.rig import CameraRig
 from vispeg.render.image_kinds import DEPTH, MODES, grey_depth
@@ -191,7 +191,7 @@ class TaskVec(VectorEnv):
         self.action_space = batch_space(self.single_action_space, num_envs)
         if seed is None:  # as in gymnasium: two environments without a seed do not play the same episodes
             seed = int(np.random.SeedSequence().generate_state(1)[0] >> 2)
-        self._base = np.arange(num_envs, dtype=np.int64) + seed
+        self._base = np.array(_seeds(seed, num_envs), np.int64)
         self._episode = np.zeros(num_envs, dtype=np.int64)
         self._ended = np.zeros(num_envs, dtype=bool)
         self._started = False
@@ -397,6 +397,9 @@ def _seeds(stated: int | Sequence[int | None] | np.ndarray | None, rows: int) ->
         each = [stated + i for i in range(rows)]
     if len(each) != rows or not all(one is None or isinstance(one, int | np.integer) for one in each):
         raise UserError("not seeds", key="seed", expected=f"an integer, or {rows} of them", got=stated)
+    for one in each:
+        if one is not None:
+            check_seed(one, "seed")
     return [None if one is None else int(one) for one in each]
 
 
