@@ -31,6 +31,7 @@ READS = {
     "render": "render --world data/w.yaml --frames 4 --workers 0",
     "dataset show": "dataset show data/frames",
     "dataset export": "dataset export data/frames",
+    "train": "train peg-state --world data/w.yaml --recipe distill --teacher data/policy --films 0",
     "play": "play data/policy --episodes 1",
     "finetune": "finetune data/policy --world nominal --demos 1 --updates 1 --episodes 1",
     "combine": "combine data/policy data/policy",

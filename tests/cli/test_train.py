@@ -18,7 +18,7 @@ def configs(monkeypatch):
     """What would be trained by, in order; nothing is."""
     found = []
 
-    def begin(config, folder, show=True):
+    def begin(config, folder, show=True, overwrite=False):
         found.append(config)
         return folder / "checkpoints" / "best"
 

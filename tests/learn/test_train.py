@@ -313,6 +313,33 @@ def test_a_level_is_a_share_of_the_ranges(level):
         Stage(level=level)
 
 
+def test_a_run_is_replaced_on_request_alone_and_is_there_again_if_the_new_one_never_begins(tmp_path):
+    """Of any configuration, its own included; a file of somebody else's in it, or an input, keeps it in its place."""
+    run, other = tmp_path / "run", {"show": False, "overwrite": True}
+    train(config(steps=320), run, make("state"), **other)
+    first = {p.relative_to(run): p.read_bytes() for p in run.rglob("*") if p.is_file()}
+
+    def broken(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(config(steps=320, seed=1), run, broken, **other)
+    assert {p.relative_to(run): p.read_bytes() for p in run.rglob("*") if p.is_file()} == first
+    with pytest.raises(UserError, match="which this command reads"):
+        teacher = str(run / "checkpoints" / "best")
+        train(config(recipe="distill", teacher=teacher, distill={}), run, make("state"), **other)
+    (run / "thesis.tex").write_text("years")
+    with pytest.raises(UserError, match="not a folder of such results .it holds thesis.tex"):
+        train(config(steps=320, seed=1), run, make("state"), **other)
+    (run / "thesis.tex").unlink()
+    train(config(steps=320, seed=1), run, make("state"), **other)
+    again = read_config(run / "config.yaml")
+    assert again.seed == 1 and (run / "progress.csv").read_bytes() != first[Path("progress.csv")]
+    train(config(steps=320), run, make("state"), **other)
+    assert curve(run) and read_config(run / "config.yaml").seed == 0
+    assert [p.name for p in tmp_path.iterdir()] == ["run"]
+
+
 def test_runs_are_not_overwritten_and_strangers_not_resumed(tmp_path):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "mine.txt").write_text("x")

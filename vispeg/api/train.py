@@ -93,11 +93,12 @@ def train(
     device: Literal["cpu", "cuda", "auto"] = "cpu",
     wandb: str | None = None,
     out: str | Path | None = None,
+    overwrite: bool = False,
     show: bool = False,
 ) -> TrainedPolicy:
     """Train a policy for the task of a world; see docs/learning.md.
 
-    If `out` holds a stopped run of the same configuration, that run is continued.
+    If `out` holds a stopped run of the same configuration, that run is continued, unless it is to be replaced.
 
     Args:
         task: label of the world's task, a hyphen and what the policy observes, such as LABEL-depth; not needed with
@@ -135,6 +136,7 @@ def train(
         device: where networks run.
         wandb: project of Weights & Biases for the curves (WANDB_MODE=offline keeps them in the run's folder).
         out: folder of the run; default: runs/TASK/TIME_sSEED.
+        overwrite: replace the run in `out`; it is kept until the new run has a checkpoint.
         show: show progress on standard error.
 
     Raises:
@@ -189,7 +191,7 @@ def train(
         wandb=wandb or "",
     )
     folder = new_run(task, seed) if out is None else Path(out).expanduser()
-    return TrainedPolicy(folder, running.train(config, folder, show=show), world, chosen)
+    return TrainedPolicy(folder, running.train(config, folder, show=show, overwrite=overwrite), world, chosen)
 
 
 def resume(run: str | Path, steps: int | None = None, *, show: bool = False) -> TrainedPolicy:

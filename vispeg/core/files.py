@@ -9,7 +9,7 @@ import shutil
 import signal
 import threading
 import uuid
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
 
@@ -87,6 +87,37 @@ def reserved(
     refuse(path, overwrite, holds=holds, inputs=inputs)
     with claimed(path), _terminable():
         yield
+
+
+@contextmanager
+def set_aside(path: str | Path, kept: Callable[[], bool]) -> Iterator[None]:
+    """Put a folder aside while the body writes another of its name, for work whose folder is in use from its start.
+
+    If the body raises before there is something to keep, the old folder is there again as it was; otherwise it is
+    removed after the body. After a killed process `recover` removes it.
+
+    Args:
+        path: of the folder, which must exist.
+        kept: whether the new folder holds something to keep.
+
+    Raises:
+        UserError: the folder cannot be moved.
+    """
+    target = Path(path).expanduser().resolve()
+    old = _sibling(target, "old")
+    try:
+        os.replace(target, old)
+    except OSError as error:
+        raise UserError(f"cannot be replaced: {why(error)}", file=path) from error
+    try:
+        yield
+    except BaseException:
+        if not kept():
+            shutil.rmtree(target, ignore_errors=True)
+            os.replace(old, target)
+        raise
+    finally:
+        shutil.rmtree(old, ignore_errors=True)
 
 
 def refuse(

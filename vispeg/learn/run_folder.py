@@ -11,12 +11,16 @@ from pathlib import Path
 import yaml
 
 from vispeg.core.errors import UserError
-from vispeg.core.files import write_text_atomic
+from vispeg.core.files import refuse, write_text_atomic
+from vispeg.core.lock import LOCK
 from vispeg.core.provenance import command_line
 from vispeg.learn.config import TrainConfig, read_config
 from vispeg.learn.methods.rounds import ROUNDS, STATE
 
 BEGUN = "begun.json"
+# everything that a run's folder may hold
+WRITTEN = {"config.yaml", BEGUN, "progress.csv", "tensorboard", "checkpoints", ROUNDS, "demos", "diverged", "films"}
+WRITTEN |= {"wandb", "wandb.json", LOCK}
 FROZEN = 5_000  # critic updates before a distilled actor is updated: untrained critics would spoil it
 
 
@@ -60,6 +64,21 @@ def same_run(config: TrainConfig, folder: Path) -> bool:
     except UserError:
         return False
     return yaml.safe_load(there.text()) == yaml.safe_load(here.text())  # both with lists in place of tuples
+
+
+def refuse_other(config: TrainConfig, folder: Path) -> None:
+    """Raise UserError unless a folder may be replaced: it holds a run alone, which `config` does not read."""
+    refuse(folder, True, holds=None, inputs=(config.world, config.teacher, config.dataset))
+    names = {path.name for path in folder.iterdir()}
+    if not names & {BEGUN, "config.yaml"} or names - WRITTEN:
+        others = ", ".join(sorted(names - WRITTEN)[:3])
+        why = f" (it holds {others})" if others else ""
+        raise UserError(f"is not a folder of such results{why}", file=folder, expected="a run of `vispeg train` alone")
+
+
+def is_kept(folder: Path) -> bool:
+    """Return whether the run in a folder has a checkpoint or a round, from which it can go on."""
+    return any(folder.glob("checkpoints/*")) or (folder / ROUNDS / STATE).exists()
 
 
 def is_distilled(folder: Path) -> bool:

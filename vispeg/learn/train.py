@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from vispeg.core.errors import UserError
-from vispeg.core.files import recover
+from vispeg.core.files import recover, set_aside
 from vispeg.core.lock import claimed
 from vispeg.learn.config import TrainConfig, read_config
 from vispeg.learn.curves.progress import Table
@@ -16,26 +16,36 @@ from vispeg.learn.envs import MakeEnv
 from vispeg.learn.methods.recipes import distilled
 from vispeg.learn.methods.rounds import ROUNDS
 from vispeg.learn.methods.sac_run import SacRun
-from vispeg.learn.run_folder import begin, is_distilled, same_run
+from vispeg.learn.run_folder import begin, is_distilled, is_kept, refuse_other, same_run
 
 
-def train(config: TrainConfig, folder: Path, make: MakeEnv | None = None, show: bool = True) -> Path:
+def train(
+    config: TrainConfig, folder: Path, make: MakeEnv | None = None, show: bool = True, overwrite: bool = False
+) -> Path:
     """Train by the configuration's recipe into a new folder; return the best policy's folder.
 
-    If the folder holds a stopped run of the same configuration, that run is resumed.
+    If the folder holds a stopped run of the same configuration, that run is resumed, unless `overwrite` is True.
 
     Args:
         config: the run's configuration.
         folder: the run's folder.
         make: makes the environments; None for those of the configuration's world.
         show: whether to print progress to stderr.
+        overwrite: whether a run in the folder is replaced; it is kept until the new one has something to keep.
 
     Raises:
         UserError: the folder holds something else, the configuration cannot be run, or another process trains there.
     """
+    if overwrite and folder.exists() and (folder.is_file() or any(folder.iterdir())):
+        refuse_other(config, folder)
+        with claimed(folder):
+            recover(folder.resolve())
+            with set_aside(folder, lambda: is_kept(folder)):
+                return _begin(config, folder, make, show)
     if folder.exists() and any(folder.iterdir()):
         if not same_run(config, folder):
-            raise UserError("exists already; pass --resume to continue it, or name another folder", file=folder)
+            expected = "another folder, --resume to continue the run there, or --overwrite to replace it"
+            raise UserError("exists already", file=folder, expected=expected)
         if (folder / "config.yaml").exists():  # missing where a full disk stopped the run early
             return resume(folder, make=make, show=show)
     with claimed(folder):
@@ -70,6 +80,7 @@ def resume(folder: Path, steps: int | None = None, make: MakeEnv | None = None, 
         expected = "a new run, with more --distill-steps or of the recipe distill+sac"
         raise UserError("imitation goes by rounds", file=folder, key="--steps", expected=expected, got=steps)
     with claimed(folder):
+        recover(folder.resolve())
         asked = config if steps is None else replace(config, steps=steps)
         last = folder / "checkpoints" / "last"
         if last.parent.is_dir():
