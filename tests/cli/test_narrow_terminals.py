@@ -122,6 +122,35 @@ def test_a_ladder_of_effects_that_came_in_together_stays_a_table(capsys):
     assert "1.00 mrad RMS" in lines[3]
 
 
+def test_many_effects_stay_a_table_of_a_line_each(capsys):
+    """At 80 columns: effect and place, value with its unit, interval and name; of a law each parameter below it."""
+    from rich.console import Console
+
+    from vispeg.report.text.terminal import effects_table
+
+    def placed(name, where, **more):
+        params = {
+            k: {"value": 11.2, "low": 11.188, "high": 11.213, "unit": p.unit} for k, p in REGISTRY[name].params.items()
+        }
+        return {"effect": name, "where": where, "params": params} | more
+
+    joints = [f"joint{j}" for j in range(1, 8)]
+    effects = [placed(name, joint) for joint in joints for name in ("coulomb_friction", "viscous_friction")]
+    effects += [placed("joint_bias", joint, tentative=True) for joint in joints[:5]]
+    sheet = effects_table({"verdict": "identified", "effects": effects})
+    with_law = effects_table({"verdict": "identified", "effects": [*effects, placed("stribeck_friction", "joint1")]})
+    assert sheet.width() > 80, "else nothing is shortened"
+    Console(width=80).print(sheet)
+    lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+    assert len(lines) == 2 + 19 and max(map(len, lines)) <= 80
+    assert lines[2].split("  ")[0] == "coulomb_friction(joint1)" and "11.200 N m" in lines[2] and "named" in lines[2]
+    assert sum(line.endswith("tentative") for line in lines) == 5
+    Console(width=80).print(with_law)
+    law = [line.rstrip() for line in capsys.readouterr().out.splitlines()][-4:]
+    assert [line.split()[0] for line in law] == ["stribeck_friction(joint1)", *REGISTRY["stribeck_friction"].params]
+    assert "rad/s" in law[-1] and "11.188 to 11.213" in law[-1]
+
+
 @pytest.mark.parametrize("columns", [20, 40, 60, 80, 200])
 def test_no_cell_is_cut_off(columns, capsys, monkeypatch):
     """Sentences in columns that do not wrap, as the steps of `explain` have, and a word wider than the terminal."""

@@ -1,6 +1,7 @@
 """Tables for a terminal of any width, in which numbers, names and intervals are never wrapped.
 
-A table that is too wide is printed as a list, one block per row; a cell that is too wide for that takes several lines.
+A table that is too wide is printed in its narrow form if it has one, else as a list, one block per row; a cell that is
+too wide for that takes several lines.
 A pipe or a file has 80 columns unless COLUMNS says otherwise, so that redirected output looks like that on a screen.
 """
 
@@ -37,11 +38,13 @@ class Sheet:
         columns: the columns.
         rows: rows of one cell per column; markup in cells is not interpreted.
         keys: number of leading cells that form a row's title if the table is printed as a list.
+        narrow: the same content in fewer columns, for a terminal that is too narrow for these.
     """
 
     columns: Sequence[Column]
     rows: Sequence[Sequence[str]]
     keys: int = 1
+    narrow: Sheet | None = None
 
     def width(self) -> int:
         """Return the least width of the table in terminal columns."""
@@ -59,7 +62,9 @@ class Sheet:
         return widths
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
-        yield self._table() if self.width() <= options.max_width else self._list(options.max_width)
+        fitting = (s for s in (self, self.narrow) if s is not None and s.width() <= options.max_width)
+        sheet = next(fitting, None)
+        yield self._list(options.max_width) if sheet is None else sheet._table()
 
     def _table(self) -> Any:
         from rich import box

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 from vispeg.report.drawings.ladder import ladder_rows
-from vispeg.report.record import Record, label, rows
+from vispeg.report.record import Record, label, params_of, rows
 from vispeg.report.sections.channels import channel_row
 from vispeg.report.sections.found import correlations, effect_rows, share, without
 from vispeg.report.text import camera_words, contact_words, unseen, words
@@ -43,7 +45,29 @@ def effects_table(diagnosis: Mapping[str, Any]) -> Sheet:
     for row in effects:
         line = [row["effect"], row["param"], row["value"], row["interval"] or "–", row["unit"]]
         cells.append(line + ([row["sure"]] if sure else []) + ([row["bound"]] if bound else []))
-    return Sheet(columns, cells, keys=2)
+    return Sheet(columns, cells, keys=2, narrow=_narrow(effects, diagnosis))
+
+
+def _narrow(effects: Sequence[Mapping[str, str]], diagnosis: Mapping[str, Any]) -> Sheet:
+    """Return the rows of an effects table in few columns, value and unit in one.
+
+    An effect with one parameter takes one line; of others the parameters stand below it.
+    """
+    placed, cells = {label(e): e for e in rows(diagnosis, "effects")}, list[list[str]]()
+    for name, each in groupby(effects, key=itemgetter("effect")):
+        params = [*each]
+        state = params[0]["sure"] if diagnosis.get("verdict") else ""
+        alone = len(params_of(placed[name])) <= 1
+        if not alone:
+            cells.append([name, "", "", state])
+        for row in params:
+            first = (
+                [name, "\n".join(filter(None, (state, row["bound"])))] if alone else [f"  {row['param']}", row["bound"]]
+            )
+            cells.append([first[0], f"{row['value']} {row['unit']}".strip(), row["interval"] or "–", first[1]])
+    stated = any(row[3] for row in cells)
+    columns = [Column("Effect"), Column("Value", right=True), Column("95 % interval"), *([Column("Name")] * stated)]
+    return Sheet(columns, [row[: len(columns)] for row in cells])
 
 
 def shares_table(diagnosis: Mapping[str, Any]) -> Sheet | None:
