@@ -117,10 +117,7 @@ def propose(
     )
     sensor = torque_sensor_of(robot_names)
     if sensor is not None and "tau" in proposal.signals() and not torque_constants and not proposal.current:
-        proposal.recording["torque_sensor"] = "joint"
-        proposal.doubts[:] = [doubt for doubt in proposal.doubts if not doubt.startswith("torque_sensor")]
-        proposal.doubts.append(f"torque_sensor: joint, as this arm has sensors behind its gears ({sensor})")
+        proposal.set_sensor("joint", f"joint, as this arm has sensors behind its gears ({sensor})")
     if torque_sensor is not None:
-        proposal.recording["torque_sensor"] = torque_sensor
-        proposal.doubts[:] = [doubt for doubt in proposal.doubts if not doubt.startswith("torque_sensor")]
+        proposal.set_sensor(torque_sensor)
     return GuessedMap(proposal, source, model.joints)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -40,7 +39,6 @@ def build(
     joints: Sequence[str],
     mapping: ColumnMap,
     numbers: range | np.ndarray | None = None,
-    **header: Any,
 ) -> Recording:
     """Build a validated recording from columns (n,) in SI units, named as in samples.csv.
 
@@ -51,7 +49,6 @@ def build(
         joints: the robot's joints.
         mapping: the map; the keys of its `recording` go into the header.
         numbers: number of each sample's row in the source, for messages; by default counted from 0.
-        header: further keys of the header; those of the map override them.
 
     Raises:
         UserError: no column `time`, no samples, motors as for `joint_side`, or anything that a recording may not have.
@@ -69,7 +66,7 @@ def build(
     steps = steps[steps > 0]
     rate = 1.0 / float(np.median(steps)) if len(steps) else 1.0
     data = {"format": FORMAT, "robot": robot, "joints": joints_of(joints, mapping), "rate_hz": _rounded(rate)}
-    data |= {"notes": f"imported from {source.name}"} | header | dict(mapping.recording)
+    data |= {"notes": f"imported from {source.name}"} | dict(mapping.recording)
     table = Table(source, columns, list(columns), len(columns["time"]), numbers)
     if table.rows == 0:
         raise UserError("holds no samples", file=source)

@@ -18,9 +18,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.recordings.tables.table import MAX_BYTES
 
 
-def import_npz(
-    source: Path, robot: str, joints: Sequence[str], mapping: ColumnMap | None = None, **header: Any
-) -> Recording:
+def import_npz(source: Path, robot: str, joints: Sequence[str], mapping: ColumnMap | None = None) -> Recording:
     """Import a recording from an .npz file; nothing in it is ever unpickled.
 
     Arrays are `time`, `episode` (n,), `q`, `dq`, `tau`, `tau_cmd`, `q_cmd`, `dq_cmd` (n, nj), `ee`, `ee_cmd` (n, 7),
@@ -31,7 +29,6 @@ def import_npz(
         robot: a name or a path.
         joints: the robot's joints; an array `joints` in the archive overrides them.
         mapping: names and units of the arrays.
-        header: further keys of recording.yaml.
 
     Raises:
         UserError: the file is damaged, an array has the wrong shape or kind, the map names parts of arrays, or the
@@ -60,7 +57,7 @@ def import_npz(
         columns |= dict(zip(tails, values.T, strict=True))
     if mapping.rate_hz is not None:
         columns["time"] = counted(columns.get("episode"), rows or 0, mapping.rate_hz, source, arrays)
-    return build(columns, source, robot, joints, mapping, **header)
+    return build(columns, source, robot, joints, mapping)
 
 
 def _summed(

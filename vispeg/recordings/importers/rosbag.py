@@ -52,7 +52,6 @@ def import_rosbag(
     topics: Topics = Topics(),
     scratch: Path | None = None,
     cameras: Mapping[str, RecordedCamera] | None = None,
-    **header: Any,
 ) -> Recording:
     """Import a recording on the clock of the measured joint states.
 
@@ -68,7 +67,6 @@ def import_rosbag(
         topics: which topics to read.
         scratch: a folder for pictures, kept until the recording is written; needed for `topics.images`.
         cameras: camera name -> intrinsics and pose, overriding CameraInfo; a bag contains no camera poses.
-        header: further keys of recording.yaml.
 
     Raises:
         UserError: no or several candidate topics, joints that no message names, a damaged bag, or a map with columns
@@ -112,7 +110,7 @@ def import_rosbag(
 
             wanted = image_topics(reader, topics.images, source)
             stated = read_images(reader, wanted, album, seconds, source, cameras or {})
-    rec = build(columns, source, robot, joints, mapping, **header)
+    rec = build(columns, source, robot, joints, mapping)
     if album is None or not topics.images:
         return rec
     return replace(rec, frames=album.frames(rec, stated))

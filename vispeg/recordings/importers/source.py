@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
 
 from vispeg.core.errors import UserError
 from vispeg.formats.arrays import array_names
@@ -84,9 +83,7 @@ def read_source(
     refuse_recording(source)
     if torque_sensor is not None:
         mapping = replace(mapping, recording={**mapping.recording, "torque_sensor": torque_sensor})
-    header = {"torque_sensor": mapping.recording.get("torque_sensor", "none")}
-    topics = topics or Topics()
-    rec = _read(source, robot, joints, mapping, topics, cameras, scratch, progress, header)
+    rec = _read(source, robot, joints, mapping, topics or Topics(), cameras, scratch, progress)
     if limits is None:
         return rec
     for joint in rec.joints:
@@ -105,12 +102,11 @@ def _read(
     cameras: Mapping[str, RecordedCamera] | None,
     scratch: Path | None,
     progress: Callable[[float], None],
-    header: Mapping[str, Any],
 ) -> Recording:
     if is_bag(source):
         from vispeg.recordings.importers.rosbag import import_rosbag
 
-        return import_rosbag(source, robot, joints, mapping, topics, scratch, cameras, **header)
+        return import_rosbag(source, robot, joints, mapping, topics, scratch, cameras)
     for field in fields(topics):
         if field.name in FLAGS and getattr(topics, field.name) is not None:
             raise UserError(f"{FLAGS[field.name]} is for bags", file=source)
@@ -119,11 +115,11 @@ def _read(
             raise UserError("--images is for bags and LeRobot tables", file=source)
         from vispeg.recordings.importers.npz import import_npz
 
-        return import_npz(source, robot, joints, mapping, **header)
+        return import_npz(source, robot, joints, mapping)
     if is_table(source):
         from vispeg.recordings.importers.table import import_table
 
-        rec = import_table(source, robot, joints, mapping, progress, **header)
+        rec = import_table(source, robot, joints, mapping, progress)
         if not topics.images or scratch is None:
             return rec
         from vispeg.recordings.importers.lerobot_video import import_video

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -25,7 +24,6 @@ def import_table(
     joints: Sequence[str],
     mapping: ColumnMap | None = None,
     progress: Callable[[float], None] = lambda share: None,
-    **header: Any,
 ) -> Recording:
     """Import a recording from a table; columns absent from the map are used if named as in the recording format.
 
@@ -35,7 +33,6 @@ def import_table(
         joints: the robot's joints.
         mapping: names and units of the columns.
         progress: called with the share that has been read, 0 to 1.
-        header: further keys of recording.yaml.
 
     Raises:
         UserError: a mapped column is absent or not numeric, or the recording would not pass `load`.
@@ -44,12 +41,10 @@ def import_table(
     targets = _targets(joints_of(joints, mapping), mapping)
     wanted = {*targets, *mapping.names}
     table = read_table(source, Reading(keep=lambda _: wanted, progress=progress, dialect=mapping.dialect))
-    return from_table(table, source, robot, joints, mapping, **header)
+    return from_table(table, source, robot, joints, mapping)
 
 
-def from_table(
-    table: Table, source: Path, robot: str, joints: Sequence[str], mapping: ColumnMap, **header: Any
-) -> Recording:
+def from_table(table: Table, source: Path, robot: str, joints: Sequence[str], mapping: ColumnMap) -> Recording:
     """Build a recording from a table that has been read; see `import_table`."""
     targets = _targets(joints_of(joints, mapping), mapping)
     columns = {}
@@ -74,7 +69,7 @@ def from_table(
             "1 line before the header is no sample" if count == 1 else f"{count} lines before the header are no samples"
         )
         note(f"{source}: {lines}: {table.comments[0][:80]}")
-    return build(columns, source, robot, joints, mapping, table.numbers, **header)
+    return build(columns, source, robot, joints, mapping, table.numbers)
 
 
 def summed(table: Table, origin: Source) -> np.ndarray:

@@ -112,6 +112,16 @@ class Proposal:
         """Names of the signals that were found."""
         return {line.target.partition(".")[0] for line in self.lines}
 
+    def set_sensor(self, sensor: str | None, doubt: str = "") -> None:
+        """Set the kind of torque sensor, None where no torque is proposed; `doubt` replaces earlier ones about it."""
+        if sensor is None:
+            self.recording.pop("torque_sensor", None)
+        else:
+            self.recording["torque_sensor"] = sensor
+        self.doubts = [said for said in self.doubts if not said.startswith("torque_sensor")]
+        if doubt:
+            self.doubts.append(f"torque_sensor: {doubt}")
+
 
 def propose(
     table: Table,
@@ -594,5 +604,4 @@ def _sensor(names: list[str], out: Proposal) -> None:
             "torque_sensor: no name states where torque was measured; it is not used until you state joint or motor"
         )
         return
-    out.recording["torque_sensor"] = sensor
-    out.doubts.append(f"torque_sensor: {sensor} is guessed {why}")
+    out.set_sensor(sensor, f"{sensor} is guessed {why}")

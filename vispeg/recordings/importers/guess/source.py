@@ -186,8 +186,7 @@ def _by_constants(
             line = replace(line, unit=unit, scale=sign, constant=k.value, why=said, sure="stated")
         lines.append(line)
     out.lines = lines
-    out.recording["torque_sensor"] = "motor"
-    out.doubts = [d for d in out.doubts if not d.startswith("torque_sensor") and "it is not used until you" not in d]
+    out.set_sensor("motor")
     if not stated:
         out.doubts.append(f"torque constants as published for this arm; {KEY} states those of your own")
     if found is not None and np.isfinite(fitted).any():
@@ -232,9 +231,7 @@ def _scaled(out: Proposal, found: Scales | None) -> None:
         why = f"in proportion to the model's torque by {s:.3g} +- {sigma:.1g} a N m, {found.explained[j]:.0%} explained"
         lines.append(replace(line, unit="N m", scale=float(f"{1 / s:.4g}"), why=f"{line.why}; {why}", sure="measured"))
     out.lines = lines
-    out.recording["torque_sensor"] = "motor"
-    out.doubts = [d for d in out.doubts if not d.startswith("torque_sensor") and "it is not used until you" not in d]
-    out.doubts.append("torque_sensor: motor, as a current is; its scale can be fitted beside friction (torque_gain)")
+    out.set_sensor("motor", "motor, as a current is; its scale can be fitted beside friction (torque_gain)")
     out.doubts.append(f"currents: {QUESTION}")
 
 
@@ -244,9 +241,8 @@ def _without_current(out: Proposal) -> None:
         why = "a current, whose scale this motion does not tell: no torque"
         out.unused |= {line.column: why for line in out.lines if line.target.startswith("tau.")}
         out.lines = [line for line in out.lines if not line.target.startswith("tau.")]
-        out.recording.pop("torque_sensor", None)
+        out.set_sensor(None)
         out.doubts.append(f"currents: {QUESTION}")
-        out.doubts = [doubt for doubt in out.doubts if not doubt.startswith("torque_sensor")]
         out.current = False
 
 
