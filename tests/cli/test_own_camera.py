@@ -7,7 +7,8 @@ import json
 import pytest
 import yaml
 
-from vispeg.api.recording.look import cameras_of, look_of, record_look, scene_of
+from vispeg.api.recording.look import cameras_of, look_of, scene_of
+from vispeg.api.recording.record import record as recorded
 from vispeg.cli.main import main
 from vispeg.core.effect import EffectInstance
 from vispeg.recordings.cell import CellBelief
@@ -57,7 +58,7 @@ def test_from_a_bag_to_the_camera_s_offset(tmp_path, capsys, monkeypatch):
     hidden = EffectInstance.of("camera_offset", "hand", x=0.004)
     for seed, name in ((61, "a"), (62, "b")):
         world = CELL.add(*look_of(f"S/{seed}", SCENE), hidden)
-        rec = record_look(world, cameras=[HAND], fps=0.7, rate_hz=100.0, seed=seed)
+        rec = recorded(world, "look", cameras="hand.yaml", fps=0.7, rate_hz=100.0, seed=seed).recording
         bag(tmp_path / f"{name}-log", rec)
         stated = {"cell": "nominal", "tool": rec.tool}
         (tmp_path / "map.yaml").write_text(yaml.safe_dump({"recording": stated}))

@@ -118,7 +118,7 @@ def test_a_phase_beyond_its_bar_leaves_a_verdict_unexplained():
 def test_what_slides_drags_by_its_friction():
     """Coulomb's law in the recorded cell, mean drag over mean normal force of one stroke, to 3 %."""
     world = load_model("peg-cell")
-    whole = cell_motion(world, "slide", seed=1)
+    whole = cell_motion(world, "slide", rate_hz=500.0, seed=1)
     part = replace(whole, time=whole.time[:2650], ee_cmd=whole.ee_cmd[:2650])
     rec = record_cell(world, part, {}, np.random.default_rng(0))
     scene = believed(world.cell).scene

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vispeg.api.recording.look import cameras_of, record_look, scene_of
+from vispeg.api.recording.record import record
 from vispeg.channels.channel import CHANNELS, How
 from vispeg.channels.pictures import border_evidence_of, compared_pictures
 from vispeg.recordings.cell import CellBelief
+from vispeg.recordings.noise import NOISE
 from vispeg.task import belief
 from vispeg.vision.check import check_frames
 from vispeg.vision.compare import border_rms
@@ -31,8 +32,8 @@ def cell(fixture: float = MOVED, camera: float = TRUE) -> CellBelief:
 def recorded():
     """Two recordings in that cell."""
     world = replace(OPEN, cell=cell())
-    cameras = cameras_of([WRIST], scene_of(world), (160, 120))
-    return [record_look(world, cameras=cameras, fps=0.5, rate_hz=100.0, noise={}, seed=k, name=f"l{k}") for k in (1, 2)]
+    how = {"cameras": WRIST, "size": "160x120", "fps": 0.5, "rate_hz": 100.0, "noise": dict.fromkeys(NOISE, 0.0)}
+    return [record(world, "look", seed=k, name=f"l{k}", **how).recording for k in (1, 2)]
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vispeg.api.recording.cell import record_in_cell
+from vispeg.api.recording.record import record
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.rules import RULES
@@ -14,7 +14,6 @@ from vispeg.identify.contact import contact_of
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import TorqueEvidence
 from vispeg.identify.nominal import robot_of
-from vispeg.recordings.noise import NOISE
 from vispeg.recordings.recording import Control
 from vispeg.worlds.model_file import load_model
 from vispeg.worlds.world import World
@@ -25,7 +24,7 @@ ARM = World("iiwa14")
 
 
 def pressed(seed, *effects, motion="press"):
-    return record_in_cell(CELL.add(*effects), motion, NOISE, seed=seed, label=f"{motion}-{seed}")
+    return record(CELL.add(*effects), motion, seed=seed, name=f"{motion}-{seed}").recording
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from vispeg.api.playing import check_controls
-from vispeg.api.recording.cell import motions_of, names, record_in_cell
+from vispeg.api.recording.cell import motions_of
+from vispeg.api.recording.commands import names
+from vispeg.api.recording.record import record
 from vispeg.cli.tolerance import at_tolerance
 from vispeg.core.errors import UserError
 from vispeg.evaluation.entrants import entrants
@@ -144,7 +146,7 @@ def test_a_motion_of_its_own_is_offered_and_recorded(catch):
     world = of_world(str(catch))
     assert "nod" in motions_of(world) and "nod" in names("contact", str(catch))
     assert "nod" not in motions_of() and "nod" not in names("contact", OPEN_CELL)
-    rec = record_in_cell(world, "nod", {}, rate_hz=200.0)
+    rec = record(world, "nod", rate_hz=200.0).recording
     assert rec.motion == "nod" and len(rec.time) == 221 and np.isfinite(rec.ft).all()
     with pytest.raises(UserError, match="not a motion of a cell"):
-        record_in_cell(of_world("nominal"), "nod", {})
+        record(of_world("nominal"), "nod")

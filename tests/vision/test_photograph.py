@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vispeg.api.recording.cell import record_in_cell
-from vispeg.api.recording.look import cameras_of, look_of, record_look, scene_of
+from vispeg.api.recording.look import cameras_of, look_of, scene_of
+from vispeg.api.recording.record import record
 from vispeg.cli.main import main
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
@@ -18,6 +18,7 @@ from vispeg.identify.motions.look_motion import LOOKS, look_motion
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.frames.joints import joints_at
 from vispeg.recordings.load import load
+from vispeg.recordings.noise import NOISE
 from vispeg.recordings.recording import Control, Recording
 from vispeg.task.belief import believed
 from vispeg.vision.borders import borders_of
@@ -32,6 +33,7 @@ from vispeg.worlds.world import World
 
 CELL = World("iiwa14", "meg50+peg16", cell=CellBelief("nominal"))
 SMALL = (64, 48)
+PICTURED = {"cameras": "wrist_wide", "size": SMALL, "backend": "raycast", "noise": dict.fromkeys(NOISE, 0.0)}
 
 
 @pytest.fixture(scope="module")
@@ -141,15 +143,14 @@ def test_motions_are_fit_for_a_robot(name, stage):
 def test_a_motion_that_touches_is_photographed_where_the_arm_is():
     """Beside its wrench: pictures of the true arm, not of what its encoders read."""
     plant = load_model("peg-cell").add(EffectInstance.of("encoder_offset", "joint4", offset=0.01))
-    cameras = cameras_of(["wrist_wide"], scene_of(plant), SMALL)
-    options = {"rate_hz": 250.0, "cameras": cameras, "fps": 0.4, "backend": "raycast"}
-    rec = record_in_cell(plant, "tap", {}, **options)
+    options = {"rate_hz": 250.0, **PICTURED, "fps": 0.4}
+    rec = record(plant, "tap", **options).recording
     assert rec.ft is not None and np.isfinite(rec.ft).all() and rec.frames is not None and len(rec.frames) >= 2
     scene = replace(believed(rec.cell).scene, cameras=("wrist_wide",))
     right, wrong = (compare_frames(rec, scene, w, backend="raycast") for w in (plant, World()))
     assert max(c.depth_rms for c in right) < 1.0 < min(c.depth_rms for c in wrong), "mm"
     with pytest.raises(UserError, match="pictures need a single run"):
-        record_in_cell(plant, "tap", {}, repeat=2, cameras=cameras)
+        record(plant, "tap", repeat=2, **options)
 
 
 def test_too_fast_a_look_is_refused(stage):
@@ -197,16 +198,16 @@ def test_a_recording_shows_what_was_hidden(tmp_path, capsys):
 
 def test_the_arm_alone_has_no_cell():
     with pytest.raises(UserError, match="pictures need something to see.*robot"):
-        record_look(load_model("iiwa14"))
+        record("iiwa14", "look")
 
 
 def test_what_is_wrong_with_cameras_and_pictures_is_said(stage):
     """A rate that the joints' samples allow may still give too many pictures, and each is said by itself."""
-    scene, cameras, _ = stage
+    scene = stage[0]
     with pytest.raises(UserError, match="not a possible frame rate.*500 Hz; got 600"):
-        record_look(CELL, "look", cameras[:1], fps=600.0, rate_hz=500.0)
+        record(CELL, "look", fps=600.0, rate_hz=500.0)
     with pytest.raises(UserError, match="too many pictures; expected at most 5000.*got 6400"):
-        record_look(CELL, "look", cameras[:1], fps=400.0, rate_hz=500.0, duration=16.0)
+        record(CELL, "look", fps=400.0, rate_hz=500.0, duration=16.0)
     with pytest.raises(UserError, match="cameras: two cameras have the same name"):
         cameras_of(["wrist_wide", "wrist_wide"], scene, (64, 48))
     with pytest.raises(UserError, match="cameras: no camera"):
@@ -227,7 +228,7 @@ def test_what_the_joints_read_is_not_where_they_are(stage):
     offset = EffectInstance.of("encoder_offset", "joint6", offset=0.02)
     assert np.array_equal(taken(stage, [5.0], offset)[0].rgb, taken(stage, [5.0])[0].rgb)
     world = replace(CELL, effects=(offset,))
-    rec = record_look(world, "look", cameras[:1], fps=0.1, rate_hz=200.0, backend="raycast", noise={})
+    rec = record(world, "look", fps=0.1, rate_hz=200.0, **PICTURED).recording
     assert rec.frames is not None
     with Predictor(scene, cameras[:1], "raycast") as predictor:
         frame, q = rec.frames[0], joints_at(rec, rec.frames.times)[0]
@@ -241,9 +242,8 @@ def test_what_the_joints_read_is_not_where_they_are(stage):
 
 
 @pytest.mark.slow
-def test_a_cell_is_recorded_with_the_effects_that_it_states(stage):
+def test_a_cell_is_recorded_with_the_effects_that_it_states():
     """Joints and pictures are those of a world that has the effects; those of what takes no part are ignored."""
-    _, cameras, _ = stage
     effects = (
         EffectInstance.of("hole_offset", "fixture", x=0.03),
         EffectInstance.of("camera_offset", "wrist_wide", x=0.01),
@@ -252,9 +252,9 @@ def test_a_cell_is_recorded_with_the_effects_that_it_states(stage):
     )
     idle = EffectInstance.of("camera_offset", "external", x=0.1), EffectInstance.of("object_mass", "peg", scale=2.0)
     cell = CellBelief("nominal", effects=tuple({**without_origin(e)} for e in (*effects, *idle)))
-    options = {"cameras": cameras[:1], "fps": 0.2, "rate_hz": 100.0, "backend": "raycast", "noise": {}}
+    options = {"fps": 0.2, "rate_hz": 100.0, **PICTURED}
     worlds = replace(CELL, cell=cell), CELL.add(*effects), CELL
-    stating, having, plain = (record_look(world, **options) for world in worlds)
+    stating, having, plain = (record(world, "look", **options).recording for world in worlds)
     assert np.array_equal(stating.q, having.q) and stating.cell == cell
     for a, b, c in zip(stating.frames, having.frames, plain.frames, strict=True):
         assert np.array_equal(a.rgb, b.rgb) and np.array_equal(a.depth, b.depth)

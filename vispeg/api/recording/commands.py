@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from vispeg.api.recording.cell import commands, names
+import numpy as np
+
+from vispeg.api.inputs import read_model
+from vispeg.api.recording.cell import cell_motion, motions_of
+from vispeg.api.recording.look import LOOK_S, scene_of
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
+from vispeg.core.seeds import stream
+from vispeg.identify.excitation import MOTIONS as JOINT
+from vispeg.identify.excitation import motion as excitation
+from vispeg.identify.motions.look_motion import LOOKS, look_motion
 from vispeg.recordings.cell import OPEN_CELL
+from vispeg.recordings.columns import columns_of
 from vispeg.report.text.summary import Line, html
+from vispeg.robots.model import load
+from vispeg.task.belief import model_cell
+from vispeg.task.rig import table
+from vispeg.task.rig.commanded import CellMotion
+from vispeg.task.rig.expert import EXPERT
 
+JOINT_S = 5.0  # s, default duration of joint motions
 COLUMNS = ("q_cmd", "dq_cmd", "ee_cmd", "kp", "force_limit", "q_null")  # columns of a motion file besides `time`
 
 
@@ -55,6 +70,17 @@ class MotionFile:
         return html([Line(str(self), path=True)])
 
 
+def names(space: str | None = None, model: str | None = None) -> list[str]:
+    """Return the names of motions for a model, all or those of one `space`.
+
+    The spaces are `joint`, `contact`, and `cell`: the motions for cameras.
+    """
+    world = None if model is None else read_model(model)
+    contact = [name for name in motions_of(world) if name != EXPERT]  # this one is a policy, not a path
+    spaces = {"joint": [*JOINT], "contact": contact, "cell": [*LOOKS]}
+    return [name for key, group in spaces.items() if space in (None, key) for name in group]
+
+
 def write_motion(
     name: str,
     out: str | Path | None,
@@ -89,10 +115,50 @@ def write_motion(
     if overwrite and path.exists():
         _refuse_other(path)
     model = model or (OPEN_CELL if name in (*names("contact"), *names("cell")) else "iiwa14")
-    text, seconds, in_cell = commands(model, name, rate_hz=rate_hz, seed=seed, duration=duration)
+    text, seconds, in_cell = _commands(model, name, rate_hz=rate_hz, seed=seed, duration=duration)
     write_text_atomic(path, text, overwrite=overwrite)
     controller = (None, None) if in_cell is None else (in_cell.stiffness, in_cell.force_limit)
     return MotionFile(name, model, seconds, rate_hz, path, *controller)
+
+
+def _commands(
+    model: str, name: str, *, rate_hz: float, seed: int, duration: float | None
+) -> tuple[str, float, CellMotion | None]:
+    """Return a motion as a CSV that a robot can replay.
+
+    Args:
+        model: the model of the robot or cell.
+        name: one of `names(model=model)`.
+        rate_hz: rate of commands, Hz.
+        seed: seed of the motion.
+        duration: duration of a joint motion or a motion for cameras, s.
+
+    Returns:
+        The text of the CSV, its duration, s, and for motions in contact the motion with the intended controller.
+
+    Raises:
+        UserError: no such motion or model, or one that the arm cannot make.
+    """
+    world = read_model(model)
+    # a name that joint and contact motions share, as `mix`, is the contact motion for a model with a cell
+    if name in motions_of(world) and (world.cell is not None or name not in JOINT):
+        commanded, cell = cell_motion(world, name, rate_hz=rate_hz, seed=seed), model_cell(world)
+        stiffness = commanded.stiffness or cell.config.stiffness
+        force_limit = commanded.force_limit or cell.config.force_limit
+        commanded = replace(commanded, stiffness=stiffness, force_limit=force_limit)
+        return table.text(commanded, cell.scene.joints), float(commanded.time[-1]), commanded
+    if name in LOOKS:
+        scene = scene_of(world)
+        joints, moved = scene.joints, look_motion(name, scene, rate_hz, LOOK_S if duration is None else duration)
+    else:
+        robot = load(world.robot, tool=world.tool)
+        joints = robot.joints
+        seconds = JOINT_S if duration is None else duration
+        moved = excitation(name, robot, rate_hz, seconds, stream(seed, "record", name))
+    head = ["time", *columns_of("q_cmd", joints), *columns_of("dq_cmd", joints)]
+    rows = np.column_stack([moved.time, moved.q_cmd, moved.dq_cmd])
+    lines = [",".join(head), *(",".join(f"{value:.9g}" for value in row) for row in rows)]
+    return "\n".join(lines) + "\n", float(moved.time[-1]), None
 
 
 def _refuse_other(path: Path) -> None:

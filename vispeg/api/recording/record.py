@@ -9,22 +9,24 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from vispeg.api.inputs import Model, read_model
 from vispeg.api.recording.asked import Asked
-from vispeg.api.recording.cell import motions_of, record_in_cell
-from vispeg.api.recording.look import cameras_of, look_of, record_look, scene_of
+from vispeg.api.recording.cell import cell_motion, motions_of
+from vispeg.api.recording.look import LOOK_S, cameras_of, look_of, refuse_rate, scene_of
 from vispeg.api.result import Result
-from vispeg.core.effect import EffectInstance
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.core.several import several
 from vispeg.identify.excitation import MOTIONS, Motion, motion
-from vispeg.identify.motions.look_motion import LOOKS
+from vispeg.identify.motions.look_motion import LOOKS, look_motion
 from vispeg.identify.motions.rehearse import rehearsed
 from vispeg.identify.motions.replay import replay
 from vispeg.identify.record import centre_of, controller
 from vispeg.identify.record import record as simulate
+from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.columns import columns_of
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.tables.read import read_table
@@ -35,10 +37,16 @@ from vispeg.report.text.summary import Block, Line
 from vispeg.robots.model import RobotModel, load
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
-from vispeg.task.belief import robot_of_world
+from vispeg.task.belief import DEFAULT, robot_of_world
+from vispeg.task.rig.expert import EXPERT, record_expert
+from vispeg.task.rig.record import record_cell
+from vispeg.vision.board import board_of
+from vispeg.vision.photograph import photograph
+from vispeg.worlds.split import of_arm
 from vispeg.worlds.world import World
 
 Watch = Callable[[], AbstractContextManager[Callable[[float], None]]]
+MARGIN = 0.5  # s without pictures at either end of a motion, so that what delayed pictures show is within the motion
 OF_ARMS = "a motion of an arm alone; in a cell the task's controller runs, and motions have their own length"
 
 
@@ -258,10 +266,20 @@ def _joint_motion(asked: Asked, robot: RobotModel) -> Motion:
 
 
 def _of_contact(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
-    """Record a motion in a cell under the task's controller."""
+    """Record a motion in a cell under the task's controller; `expert` is a whole episode of the scripted policy.
+
+    Pictures show the arm at its true angles; compliance of grip and fixture is too small to be visible.
+    """
     none = (None,)
-    supported = {"control": (None, "osc"), "kp": none, "kd": none, "duration": none, "tool": none}
-    asked.refuse("not for a motion that touches", OF_ARMS, **supported)
+    asked.refuse(
+        "not for a motion that touches",
+        OF_ARMS,
+        control=(None, "osc"),
+        kp=none,
+        kd=none,
+        duration=none,
+        tool=none,
+    )
     if asked.torque_sensor == "none":
         asked.refuse("a motion in contact needs a sensor of force", "torques or a wrench", wrench_sensor=("flange",))
     if asked.torque_sensor == "motor":
@@ -276,23 +294,21 @@ def _of_contact(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
         cameras = cameras_of(names, scene, asked.pixels) if names else ()
         scene = replace(scene, cameras=tuple(c.name for c in cameras))
         looks = look_of(asked.look, scene) if asked.look is not None and cameras else ()
+    if cameras and (asked.motion == EXPERT or asked.repeat > 1):
+        raise UserError("pictures need a single run of a motion", key="--cameras", got=[c.name for c in cameras])
     world = asked.hidden(world, scene)
-    with watch() if cameras else nullcontext(lambda share: None) as progress:
-        rec = record_in_cell(
-            world.add(*looks),
-            asked.motion,
-            asked.levels,
-            rate_hz=asked.rate_hz,
-            seed=asked.seed,
-            force_limit=asked.force_limit,
-            torque_sensor="none" if asked.torque_sensor == "none" else "joint",
-            repeat=asked.repeat,
-            label=asked.name,
-            cameras=cameras,
-            fps=asked.fps,
-            backend=asked.backend,
-            progress=progress,
-        )
+    noise, rng = asked.levels, stream(asked.seed, "record", "noise")
+    options = {"rate_hz": asked.rate_hz, "torque_sensor": asked.torque_sensor, "repeat": asked.repeat}
+    if asked.motion == EXPERT:
+        rec = record_expert(world.add(*looks), asked.seed, noise, rng, **options, name=asked.name)
+    else:
+        path = cell_motion(world, asked.motion, rate_hz=asked.rate_hz, seed=asked.seed, force_limit=asked.force_limit)
+        if cameras:
+            refuse_rate(asked.fps, asked.rate_hz, len(path.time), cameras)
+        true: list[np.ndarray] = []
+        rec = record_cell(world.add(*looks), path, noise, rng, **options, name=asked.name, watch=true.append)
+        if cameras:
+            rec = _photographed(asked, world.add(*looks), cameras, rec, true[0], rng, watch)
     if asked.wrench_sensor == "none":
         noise = {name: level for name, level in rec.noise.items() if not name.startswith("ft")}
         rec = replace(rec, ft=None, wrench=None, noise=noise)
@@ -300,30 +316,78 @@ def _of_contact(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
 
 
 def _of_cameras(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
-    """Record a motion of the joints, and pictures."""
-    supported = {"control": (None, "position"), "kp": (None,), "kd": (None,), "tool": (None,), "repeat": (1,)}
-    asked.refuse("not for a motion that looks", force_limit=(None,), wrench_sensor=("flange",), **supported)
+    """Record the joints of an arm during a motion, and pictures of its scene.
+
+    Effects of the arm act on the motion, those of cameras, appearance, fixture and grip on the pictures. So do those
+    that its cell states, as far as the arm alone has their places; the recording mentions only these.
+    """
+    none = (None,)
+    asked.refuse(
+        "not for a motion that looks",
+        control=(None, "position"),
+        kp=none,
+        kd=none,
+        tool=none,
+        repeat=(1,),
+        force_limit=none,
+        wrench_sensor=("flange",),
+    )
     if asked.is_file:
-        asked.refuse("a table has its own duration", duration=(None,))
+        asked.refuse("a table has its own duration", duration=none)
     scene = scene_of(world)
     cameras = cameras_of(asked.cameras or (("wrist_wide",) if scene.goal else ()), scene, asked.pixels)
-    scene = replace(scene, cameras=tuple(c.name for c in cameras))
-    by_name = not asked.is_file and asked.motion in LOOKS
+    scene = scene_of(world, cameras)
     looks = () if asked.look is None else look_of(asked.look, scene)
     world = asked.hidden(world, scene)
+    if not asked.is_file and asked.motion in LOOKS:
+        path = look_motion(asked.motion, scene, asked.rate_hz, LOOK_S if asked.duration is None else asked.duration)
+    else:
+        path = _joint_motion(asked, scene.nominal)
+    refuse_rate(asked.fps, asked.rate_hz, len(path.time), cameras)
+    stated = [e for e in scene.stated if effect(e.effect).targets(scene.nominal)]
+    arm = replace(of_arm(world.over(stated)), cell=None)
+    control = controller(scene.nominal, "position", asked.rate_hz, centre_of(scene.nominal))
+    true: list[np.ndarray] = []
+    noise, rng = asked.levels, stream(asked.seed, "record", "noise")
+    sensor = asked.torque_sensor
+    rec = simulate(arm, path, control, noise, rng, torque_sensor=sensor, name=asked.name, watch=true.append)
+    cell = CellBelief(DEFAULT) if world.cell is not None and world.cell.open else world.cell
+    rec = _photographed(asked, world.add(*looks), cameras, replace(rec, cell=cell), true[0], rng, watch)
+    return SimulatedRecording(rec, world.label, look=asked.look)
+
+
+def _photographed(
+    asked: Asked,
+    world: World,
+    cameras: Sequence[Camera],
+    rec: Recording,
+    true: np.ndarray,
+    rng: np.random.Generator,
+    watch: Watch,
+) -> Recording:
+    """Return a recording with the pictures of its motion.
+
+    Args:
+        asked: the options.
+        world: its effects act on scene, cameras and sensors; a board that its cell states is in view.
+        cameras: the nominal cameras.
+        rec: the recorded motion.
+        true: (n, nj) true joint angles at its samples, rad.
+        rng: random stream of the time stamps: as a camera has its own clock, they differ from those of the samples.
+        watch: as for `record`.
+    """
+    times = np.arange(MARGIN, rec.time[-1] - MARGIN, 1 / asked.fps)
+    times = times + rng.uniform(0, 0.5 / rec.rate_hz, len(times))
     with watch() as progress:
-        rec = record_look(
-            world.add(*looks),
-            asked.motion if by_name else _joint_motion(asked, scene.nominal),
+        frames = photograph(
+            scene_of(world, cameras),
             cameras,
-            fps=asked.fps,
-            duration=asked.duration if by_name else None,
-            rate_hz=asked.rate_hz,
-            noise=asked.levels,
-            torque_sensor=asked.torque_sensor,
-            seed=asked.seed,
+            world,
+            CubicSpline(rec.time, true),
+            times,
+            asked.seed,
             backend=asked.backend,
-            name=asked.name,
+            board=board_of(world.cell),
             progress=progress,
         )
-    return SimulatedRecording(rec, world.label, look=asked.look)
+    return replace(rec, frames=frames)
