@@ -13,7 +13,7 @@ from vispeg.core.params import Value
 from vispeg.core.several import several
 from vispeg.render.cameras.model_camera import cameras_of
 from vispeg.render.cameras.standard import standard_cameras
-from vispeg.report.text.summary import Block, Line, html
+from vispeg.report.text.summary import Block, Line, Summarised
 from vispeg.robots.model import RobotModel, same
 from vispeg.robots.scene import Scene
 from vispeg.task.belief import robot_of_world
@@ -26,7 +26,7 @@ from vispeg.worlds.world import World
 
 
 @dataclass(frozen=True)
-class AddedEffects:
+class AddedEffects(Summarised):
     """A model file with added effects.
 
     Attributes:
@@ -57,9 +57,6 @@ class AddedEffects:
         measured = [e for e in self.added if any(v.low is not None for v in e.params.values())]
         bare = [Line(constant(e, names), warning=True) for e in measured if (names := without_interval(e))]
         return [*(Line(text, path=True) for text in lines), *bare]
-
-    def _repr_html_(self) -> str:
-        return html(self.summary)
 
 
 def add(

@@ -10,14 +10,14 @@ import numpy as np
 
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.camera_files import POSE, load_posed, to_record
-from vispeg.report.text.summary import Block, html
+from vispeg.report.text.summary import Block, Summarised
 from vispeg.report.text.tables import Column, Sheet
 
 HEADS = ("camera", "px", "fx fy", "cx cy", "field deg", "lens k1 k2 p1 p2 k3", "on", "at m", "looks along")
 
 
 @dataclass(frozen=True)
-class CameraTable:
+class CameraTable(Summarised):
     """A table of cameras, one per row.
 
     Attributes:
@@ -39,9 +39,6 @@ class CameraTable:
         """Size, intrinsics, field of view, lens, position and direction of each camera."""
         rows = [_row(camera, posed) for camera, posed in zip(self.cameras, self.posed, strict=True)]
         return [Sheet([Column(head) for head in HEADS], rows)]
-
-    def _repr_html_(self) -> str:
-        return html(self.summary)
 
 
 def show_cameras(file: str | Path) -> CameraTable:

@@ -20,13 +20,13 @@ from vispeg.datasets.opening import open_dataset
 from vispeg.datasets.read import Dataset
 from vispeg.datasets.shards.engine import local, on_ray
 from vispeg.datasets.shards.rendering import render
-from vispeg.report.text.summary import Block, Line, html
+from vispeg.report.text.summary import Block, Line, Summarised
 
 Begun = Callable[[int, int], None]  # called with the number of frames in all, and of those from an earlier run
 
 
 @dataclass(frozen=True)
-class RenderedDataset:
+class RenderedDataset(Summarised):
     """A dataset on disk.
 
     Attributes:
@@ -64,12 +64,9 @@ class RenderedDataset:
         )
         return [Line(text, path=True)]
 
-    def _repr_html_(self) -> str:
-        return html(self.summary)
-
 
 @dataclass(frozen=True)
-class CheckedDataset:
+class CheckedDataset(Summarised):
     """The result of a check of a dataset.
 
     Attributes:
@@ -99,9 +96,6 @@ class CheckedDataset:
         episodes = f"{self.episodes} episode" + "s" * (self.episodes != 1)
         text = f"{self.path}: {self.frames} frames in {episodes}, {self.megabytes:.1f} MB, nothing wrong"
         return [Line(text, path=True)]
-
-    def _repr_html_(self) -> str:
-        return html(self.summary)
 
 
 def check_dataset(

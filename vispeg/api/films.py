@@ -9,7 +9,7 @@ from pathlib import Path
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.seeds import check_seed
-from vispeg.report.text.summary import Block, Line, html
+from vispeg.report.text.summary import Block, Line, Summarised
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def films(
 
 
 @dataclass(frozen=True)
-class Films:
+class Films(Summarised):
     """Videos of a policy's episodes.
 
     Attributes:
@@ -85,9 +85,6 @@ class Films:
     def summary(self) -> list[Block]:
         """The outcome and video path of each episode."""
         return [Line(film.line, path=True) for film in self.films]
-
-    def _repr_html_(self) -> str:
-        return html(self.summary)
 
 
 def played_in(

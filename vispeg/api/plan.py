@@ -9,14 +9,14 @@ from pathlib import Path
 from vispeg.core.errors import UserError
 from vispeg.evaluation.bridging import tolerance_mm
 from vispeg.evaluation.outlook import Outlook, outlook
-from vispeg.report.text.summary import Block, Line, html
+from vispeg.report.text.summary import Block, Line, Summarised
 from vispeg.report.text.tables import Column, Sheet
 from vispeg.task.registry import config_of
 from vispeg.task.world_file import load_world
 
 
 @dataclass(frozen=True)
-class Planned:
+class Planned(Summarised):
     """The transfer to expect.
 
     Attributes:
@@ -51,9 +51,6 @@ class Planned:
             Sheet(heads, [[s["sign"], s["here"], s["speaks_from"], "yes" if s["speaks"] else "-"] for s in o["signs"]])
         )
         return [*out, *(Line(f"advice: {text}") for text in o["advice"])]
-
-    def _repr_html_(self) -> str:
-        return html(self.summary)
 
 
 def plan(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping
 from io import StringIO
 from pathlib import Path
@@ -12,7 +12,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
-from vispeg.report.text.summary import Block, html, print_summary
+from vispeg.report.text.summary import Summarised, print_summary
 from vispeg.report.text.tables import PIPED, Sheet
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class Traced:
         return evidence_of(self.arrays).every
 
 
-class Result(ABC):
+class Result(Summarised):
     """A result with a summary; a notebook shows it as tables, `print` as text.
 
     Attributes:
@@ -49,11 +49,6 @@ class Result(ABC):
     holds: ClassVar[str]
     tables: ClassVar[tuple[str, ...]] = ()
     sources: tuple[str | Path, ...] = ()
-
-    @property
-    @abstractmethod
-    def summary(self) -> list[Block]:
-        """Lines and tables for a reader."""
 
     @abstractmethod
     def _write(self, folder: Path) -> None:
@@ -100,9 +95,6 @@ class Result(ABC):
         else:
             text = "" if first is None else first.text
         return f"<{type(self).__name__}: {text if len(text) <= LONGEST else f'{text[:LONGEST]} ...'}>"
-
-    def _repr_html_(self) -> str:
-        return html(self.summary)
 
     def __str__(self) -> str:
         from rich.console import Console

@@ -15,7 +15,7 @@ from vispeg.core.seeds import check_seed
 from vispeg.interface.exported import Exported
 from vispeg.interface.interface import Interface, NoInterface
 from vispeg.interface.terms import FELT
-from vispeg.report.text.summary import Block, Line, html
+from vispeg.report.text.summary import Block, Line, Summarised
 from vispeg.report.text.tables import Column, Sheet
 from vispeg.trials.driver import Driver
 from vispeg.trials.live import Live
@@ -31,7 +31,7 @@ DIGITS = 4  # number of digits of a trial's number
 
 
 @dataclass(frozen=True)
-class RunResult:
+class RunResult(Summarised):
     """The trials of a run.
 
     Attributes:
@@ -73,9 +73,6 @@ class RunResult:
             steps = sum(said.timing.steps for said in self.trials.values())
             lines.append(Line(f"{cut} of {steps} actions asked for more than the controller takes"))
         return [Sheet([Column(head) for head in heads], rows), *lines]
-
-    def _repr_html_(self) -> str:
-        return html(self.summary)
 
 
 def run(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from vispeg.api.policies import load_policy
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
-from vispeg.report.text.summary import Block, Line, html
+from vispeg.report.text.summary import Block, Line, Summarised
 from vispeg.sim.engine import Engine
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class TrainedPolicy:
+class TrainedPolicy(Summarised):
     """A training run on disk.
 
     Attributes:
@@ -56,9 +56,6 @@ class TrainedPolicy:
         """Success rate of the run's last evaluation, and folder of the best policy."""
         last = [f"success {float(row['success']):.0%} after {row['steps']} steps" for row in self.history[-1:]]
         return [*(Line(text) for text in last), Line(f"best policy: {self.best}", path=True)]
-
-    def _repr_html_(self) -> str:
-        return html(self.summary)
 
 
 def new_run(task: str, seed: int) -> Path:

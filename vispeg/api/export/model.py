@@ -18,7 +18,7 @@ from vispeg.core.marker import apart
 from vispeg.core.notes import note
 from vispeg.render.cameras import model_camera
 from vispeg.render.cameras.standard import standard_cameras
-from vispeg.report.text.summary import Block, Line, html
+from vispeg.report.text.summary import Block, Line, Summarised
 from vispeg.robots.scene import Scene
 from vispeg.sim.export import Exported, to_mjcf
 from vispeg.task.belief import model_cell
@@ -26,7 +26,7 @@ from vispeg.worlds.world import World
 
 
 @dataclass(frozen=True)
-class ExportedModel:
+class ExportedModel(Summarised):
     """A model exported to a file.
 
     Attributes:
@@ -68,9 +68,6 @@ class ExportedModel:
         if lacking := [*lacking, *self.lacking]:
             lines.append(f"not in it, URDF has no element for it: {'; '.join(lacking)}")
         return [Line(text, path=True) for text in lines]
-
-    def _repr_html_(self) -> str:
-        return html(self.summary)
 
 
 def _whole(world: World, meshes: str) -> Exported:

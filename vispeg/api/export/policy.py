@@ -9,11 +9,11 @@ from pathlib import Path
 from vispeg.api.export.ending import check_ending
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
-from vispeg.report.text.summary import Block, Line, html
+from vispeg.report.text.summary import Block, Line, Summarised
 
 
 @dataclass(frozen=True)
-class ExportedPolicy:
+class ExportedPolicy(Summarised):
     """A policy in an ONNX file.
 
     Attributes:
@@ -38,9 +38,6 @@ class ExportedPolicy:
         """The file, the modality and the inputs."""
         inputs = ", ".join(f"{name} {list(shape)}" for name, shape in self.inputs.items())
         return [Line(f"{self.file}: {self.modality}, inputs {inputs}", path=True)]
-
-    def _repr_html_(self) -> str:
-        return html(self.summary)
 
 
 def export_policy(

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 from vispeg.api.policies import load_policy
 from vispeg.core.extras import require
-from vispeg.report.text.summary import Block, Line, html
+from vispeg.report.text.summary import Block, Line, Summarised
 
 if TYPE_CHECKING:
     from vispeg.learn.policy import Policy
 
 
 @dataclass(frozen=True)
-class CombinedPolicy:
+class CombinedPolicy(Summarised):
     """A coarse policy with cameras, and a fine one that takes over near the goal.
 
     Attributes:
@@ -48,9 +48,6 @@ class CombinedPolicy:
         """A line that says which policy acts where."""
         text = f"{self.folder}: {Path(self.coarse).name}, from {1000 * self.within:g} mm on {Path(self.fine).name}"
         return [Line(text, path=True)]
-
-    def _repr_html_(self) -> str:
-        return html(self.summary)
 
 
 def combine(

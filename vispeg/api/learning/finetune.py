@@ -11,7 +11,7 @@ from vispeg.api.policies import load_policy
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.formats.json_data import read_json
-from vispeg.report.text.summary import Block, Line, html
+from vispeg.report.text.summary import Block, Line, Summarised
 from vispeg.task.start import Start
 from vispeg.trials.trial import FILE, folders, read_said
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class FinetunedPolicy:
+class FinetunedPolicy(Summarised):
     """A fine-tuned policy.
 
     Attributes:
@@ -49,9 +49,6 @@ class FinetunedPolicy:
             if isinstance(share := self.measured.get(when), float)
         ]
         return [*(Line(text) for text in change), Line(f"policy: {self.folder}", path=True)]
-
-    def _repr_html_(self) -> str:
-        return html(self.summary)
 
 
 def finetune(

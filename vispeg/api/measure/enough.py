@@ -18,14 +18,14 @@ from vispeg.evaluation.players import ready
 from vispeg.evaluation.statistics import decide, difference
 from vispeg.evaluation.stress.interval import ends, verdict, words
 from vispeg.evaluation.table import rows as outcomes
-from vispeg.report.text.summary import Block, Line, html
+from vispeg.report.text.summary import Block, Line, Summarised
 from vispeg.task.world_file import load_world
 from vispeg.worlds.identified import acting
 from vispeg.worlds.measurement_file import measurement_text
 
 
 @dataclass(frozen=True)
-class Sufficiency:
+class Sufficiency(Summarised):
     """The change of success over each effect's interval, for each policy.
 
     Attributes:
@@ -43,9 +43,6 @@ class Sufficiency:
         if not self.rows:
             return [Line("no effect with an interval: nothing to play")]
         return [Line(_line(row), path=True) for row in self.rows]
-
-    def _repr_html_(self) -> str:
-        return html(self.summary)
 
 
 def check_enough(policies: Sequence[str], world: str, episodes: int, workers: int) -> None:

@@ -15,12 +15,12 @@ from vispeg.core.files import new_folder
 from vispeg.core.seeds import stream
 from vispeg.identify.record import centre_of
 from vispeg.measure.plan import Part, plan, table
-from vispeg.report.text.summary import Block, Line, html
+from vispeg.report.text.summary import Block, Line, Summarised
 from vispeg.robots.model import load
 
 
 @dataclass(frozen=True)
-class MotionPlan:
+class MotionPlan(Summarised):
     """Motions for one joint, ready to replay.
 
     Attributes:
@@ -59,9 +59,6 @@ class MotionPlan:
         minutes = sum(part.time[-1] for part in self.parts) / 60
         last = f"{self.out}: {len(self.parts)} motions, {minutes:.0f} minutes; see ORDER.md"
         return [Line(text, path=True) for text in (*self.lines, last)]
-
-    def _repr_html_(self) -> str:
-        return html(self.summary)
 
     @property
     def order(self) -> str:

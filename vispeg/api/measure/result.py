@@ -10,7 +10,7 @@ from pathlib import Path
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.core.provenance import provenance
-from vispeg.report.text.summary import Block, Line, html
+from vispeg.report.text.summary import Block, Line, Summarised
 from vispeg.report.text.tables import Column, Sheet
 from vispeg.worlds.identified import constant, without_interval
 from vispeg.worlds.measurement_file import (
@@ -42,7 +42,7 @@ class MeasureSettings:
 
 
 @dataclass(frozen=True)
-class MeasurementResult:
+class MeasurementResult(Summarised):
     """A measurement on disk.
 
     Attributes:
@@ -80,9 +80,6 @@ class MeasurementResult:
                 out.append(Line(constant(effect, names), warning=True))
         out += [Line(note, warning=True) for note in m.notes]
         return [*out, Line(self.written, path=True)]
-
-    def _repr_html_(self) -> str:
-        return html(self.summary)
 
 
 def row(q: Quantity) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -24,6 +25,18 @@ class Line:
 
 
 Block = Line | Sheet
+
+
+class Summarised(ABC):
+    """A result that a notebook shows as its summary."""
+
+    @property
+    @abstractmethod
+    def summary(self) -> list[Block]:
+        """Lines and tables for a reader."""
+
+    def _repr_html_(self) -> str:
+        return html(self.summary)
 
 
 def print_summary(blocks: Iterable[Block], console: Console | None = None) -> None:
