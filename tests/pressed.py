@@ -9,6 +9,7 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
+from vispeg.interface.observer import DOWN
 from vispeg.recordings.cell import reaction
 from vispeg.recordings.recording import Control, Recording
 from vispeg.sim.reach import reach
@@ -16,7 +17,7 @@ from vispeg.task.cell import Cell
 from vispeg.task.control import PoseControl
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.task import PegTask
-from vispeg.task.start import DOWN, home
+from vispeg.task.start import home
 from vispeg.worlds.world import World
 
 CONFIG = PegConfig(name="peg")

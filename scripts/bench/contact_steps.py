@@ -43,8 +43,8 @@ def play(config: PegConfig, phase: str) -> tuple[np.ndarray, np.ndarray, float, 
 
 def place(sim: TaskSimulation, tip: np.ndarray) -> None:
     """Move the arm so that the peg's tip stands there in the hole's frame, at rest."""
+    from vispeg.interface.observer import DOWN
     from vispeg.sim.reach import reach
-    from vispeg.task.start import DOWN
 
     pos = (sim.nominal_goal + tip + [0, 0, sim.scene.tip])[None]
     q, _ = reach(sim.control.nominal, pos, DOWN[None], sim.home)

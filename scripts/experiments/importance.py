@@ -139,7 +139,8 @@ def learned(out: Path, begin: Path, world: str, ring: Any, seed: int, updates: i
 
 def believed(folder: Path, ring: Any) -> list[float]:
     """Return the mean lateral error in mm of a policy's believed goal, by row of pictured states."""
-    from vispeg.learn.layout import ESTIMATE, OFFSET_M, PRIVILEGED
+    from vispeg.interface.terms import PRIVILEGED
+    from vispeg.learn.layout import ESTIMATE, OFFSET_M
     from vispeg.learn.policy import load
     from vispeg.render.image_kinds import kind_of
 

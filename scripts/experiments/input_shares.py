@@ -16,7 +16,7 @@ import torch
 from arguments import told
 
 from vispeg.core.errors import UserError
-from vispeg.learn.layout import PRIVILEGED
+from vispeg.interface.terms import PRIVILEGED
 from vispeg.learn.policy import NetPolicy, load
 from vispeg.task.peg.task import PegInHoleVec
 

@@ -21,7 +21,8 @@ from vispeg.sim.compiled import flange_pose
 from vispeg.sim.external import flange_jacobian
 from vispeg.task.belief import believed
 from vispeg.task.rig import table
-from vispeg.task.rig.motions import NEAR, CellMotion, Place, motion
+from vispeg.task.rig.commanded import CellMotion
+from vispeg.task.rig.motions import NEAR, Place, motion
 from vispeg.task.rig.path import commands
 from vispeg.task.rig.posture import elbow_turned, posture
 from vispeg.task.rig.record import record_cell

@@ -16,7 +16,8 @@ from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.noise import NOISE
 from vispeg.robots.tools import CELL
 from vispeg.task.belief import believed
-from vispeg.task.rig.motions import CellMotion, Place, free
+from vispeg.task.rig.commanded import CellMotion
+from vispeg.task.rig.motions import Place, free
 from vispeg.task.rig.path import commands
 from vispeg.task.rig.record import record_cell
 from vispeg.worlds.world import World

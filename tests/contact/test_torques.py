@@ -26,7 +26,8 @@ from vispeg.robots.tools import CELL
 from vispeg.sim.external import BLOCK, PRIOR, External, _steady, external, flange_jacobian, solved
 from vispeg.sim.touch import touch
 from vispeg.task.belief import believed
-from vispeg.task.rig.motions import CellMotion, Place, press
+from vispeg.task.rig.commanded import CellMotion
+from vispeg.task.rig.motions import Place, press
 from vispeg.task.rig.path import commands
 from vispeg.task.rig.record import record_cell
 from vispeg.task.start import home

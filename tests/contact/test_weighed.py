@@ -18,7 +18,8 @@ from vispeg.recordings.noise import NOISE
 from vispeg.robots.tools import CELL
 from vispeg.sim.compiled import compiled
 from vispeg.task.belief import believed
-from vispeg.task.rig.motions import CellMotion, Place
+from vispeg.task.rig.commanded import CellMotion
+from vispeg.task.rig.motions import Place
 from vispeg.task.rig.path import commands
 from vispeg.task.rig.record import record_cell
 from vispeg.worlds.world import World

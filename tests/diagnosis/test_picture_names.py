@@ -16,8 +16,8 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis.findings import Gain, Score, Trial
 from vispeg.diagnosis.pictures.borders import Agreement, BorderSearch, agreement
 from vispeg.diagnosis.selection.state import State
-from vispeg.identify.pictures.evidence import BorderEvidence, Item
-from vispeg.identify.pictures.points import misplacement
+from vispeg.identify.pictures.evidence import BorderEvidence
+from vispeg.identify.pictures.points import Item, misplacement
 from vispeg.identify.pictures.scatter import Scatter
 from vispeg.worlds.world import World
 

@@ -20,7 +20,7 @@ from vispeg.learn.interface import interface_of_policy
 from vispeg.learn.policy import load
 from vispeg.task.environments.vector import TaskVec
 from vispeg.task.kinematics import chain_of
-from vispeg.task.peg.task import PegConfig
+from vispeg.task.peg.config import PegConfig
 from vispeg.task.registry import task_of
 from vispeg.task.scripted import Scripted
 from vispeg.trials.trial import folders, read_trial

@@ -13,10 +13,11 @@ from vispeg.core.seeds import stream
 from vispeg.core.workers import one_thread
 from vispeg.evaluation.controls import Controlled
 from vispeg.evaluation.entrants import entrant, entrants, refuse_trained_on
+from vispeg.evaluation.folder import EPISODES
 from vispeg.evaluation.jobs import FIRST_SEED, STATE_ROWS, Job, Pushes, Setting, make_jobs, seeds_of
 from vispeg.evaluation.overlay import HELD, Change, overlay
 from vispeg.evaluation.records import Episode, read
-from vispeg.evaluation.runner import EPISODES, each, failures, run
+from vispeg.evaluation.runner import each, failures, run
 from vispeg.learn.envs import HELD_OUT
 from vispeg.task.world_file import load_world, parts
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from vispeg.identify.pictures.scatter import CELLS, PRIOR, Columns, Scatter, likelihoods
+from vispeg.identify.pictures.align import LOOSE as PRIOR
+from vispeg.identify.pictures.scatter import CELLS, Columns, Scatter, likelihoods
 
 FRAMES, EACH, JOINTS = 8, 80, 7
 

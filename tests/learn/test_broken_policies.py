@@ -11,8 +11,9 @@ from safetensors.torch import load_file, save_file
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.learn.coarse_to_fine import combine, open_policy
-from vispeg.learn.policy import META, WEIGHTS, load
-from vispeg.learn.shipped import names, policy_folder
+from vispeg.learn.policy import load
+from vispeg.learn.record import WEIGHTS
+from vispeg.learn.shipped import META, names, policy_folder
 
 EVERY = 5  # of the changes, so that the test is quick; the slow one tries all
 

@@ -8,8 +8,8 @@ from toy import Reach
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
-from vispeg.datasets.describe import INFO, RENDER, RENDER_FILE, VERSION
-from vispeg.datasets.layout import COUNTED
+from vispeg.datasets.describe import INFO, RENDER, RENDER_FILE
+from vispeg.datasets.layout import COUNTED, VERSION
 from vispeg.datasets.lerobot import DATA
 from vispeg.evaluation.entrants import entrant, refuse_trained_on
 from vispeg.learn.coarse_to_fine import combine

@@ -17,7 +17,9 @@ from vispeg.learn.interface import interface_of_policy
 from vispeg.learn.layout import Layout
 from vispeg.learn.modalities import modality, names
 from vispeg.learn.networks.actor import Actor
-from vispeg.learn.policy import META, WEIGHTS, NetPolicy, load, save
+from vispeg.learn.policy import NetPolicy, load, save
+from vispeg.learn.record import WEIGHTS
+from vispeg.learn.shipped import META
 from vispeg.task.world_file import load_world
 
 SHAPES = {"depth": (1, 24, 24), "rgb": (3, 24, 24)}

@@ -10,6 +10,7 @@ from toy import STEP, Pointing, Reach
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
+from vispeg.interface.terms import LIMIT
 from vispeg.learn.layout import Layout
 from vispeg.learn.methods.clone import CloneSettings, clone
 from vispeg.learn.methods.distill import collect
@@ -21,7 +22,7 @@ from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.teacher import StateTeacher, Tare, knowing, teacher_of
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.terms import TERMS
-from vispeg.task.terms import LIMIT, Observation
+from vispeg.task.terms import Observation
 
 
 def played(mode, world, steps, seeds=(4, 5)):

@@ -17,7 +17,8 @@ from vispeg.core.errors import UserError
 from vispeg.robots import menagerie
 from vispeg.robots.declare import RobotConfig
 from vispeg.robots.model import available, load, load_for
-from vispeg.robots.scene import SceneConfig, build
+from vispeg.robots.scene import build
+from vispeg.robots.scene_config import SceneConfig
 from vispeg.task.world_robot import identity
 
 SHARED = Path(os.environ.get("VISPEG_SHARED", Path(__file__).resolve().parents[3] / "shared"))

@@ -16,7 +16,8 @@ from vispeg.report.live.shapes import visible
 from vispeg.robots.declare import RobotConfig
 from vispeg.robots.menagerie import available, find
 from vispeg.robots.model import load
-from vispeg.robots.scene import SceneConfig, build
+from vispeg.robots.scene import build
+from vispeg.robots.scene_config import SceneConfig
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.home import bounds, home_of
 from vispeg.task.guards import CATEGORIES, Guards

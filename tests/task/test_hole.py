@@ -9,7 +9,8 @@ from scipy.spatial import ConvexHull
 from vispeg.core.errors import UserError
 from vispeg.effects.task.hole_clearance import HoleClearance
 from vispeg.robots import hole
-from vispeg.robots.scene import SceneConfig, build
+from vispeg.robots.scene import build
+from vispeg.robots.scene_config import SceneConfig
 from vispeg.sim.state import Fields
 
 

@@ -12,7 +12,8 @@ from vispeg.core.errors import UserError
 from vispeg.effects.appearance.distractors import KEEP_OUT
 from vispeg.render.look import Fields
 from vispeg.robots import user_shapes
-from vispeg.robots.scene import SceneConfig, build
+from vispeg.robots.scene import build
+from vispeg.robots.scene_config import SceneConfig
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.task import PegInHoleVec
 from vispeg.task.world_file import load_world, world_text

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from vispeg.core.effect import EffectInstance, effect, searchable
-from vispeg.robots.scene import SceneConfig, build
+from vispeg.robots.scene import build
+from vispeg.robots.scene_config import SceneConfig
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.plant import Plant
 from vispeg.task.cell import Cell

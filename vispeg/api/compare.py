@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vispeg.api.inputs import Inputs, Model, Reading, Source, read_inputs, silent, windows
+from vispeg.api.inputs import Inputs, Model, Source, read_inputs, windows
 from vispeg.api.result import Result, Traced
 from vispeg.channels.channel import CHANNELS, How
 from vispeg.channels.pictures import seen
@@ -18,6 +18,7 @@ from vispeg.core.errors import UserError
 from vispeg.diagnosis.schema import ComparisonRecord
 from vispeg.kernels.threads import one_blas_thread
 from vispeg.recordings.cell import OPEN_CELL
+from vispeg.recordings.progress import Reading, silent
 from vispeg.recordings.windows import SECONDS
 from vispeg.report.live.arm import with_arms
 from vispeg.report.text.summary import Block

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vispeg.api.inputs import Inputs, Model, Reading, Source, read_inputs, silent, windows
+from vispeg.api.inputs import Inputs, Model, Source, read_inputs, windows
 from vispeg.api.objects import diagnose_tosses, object_world
 from vispeg.api.result import Result, Traced
 from vispeg.api.stress.remainder import Price
@@ -24,6 +24,7 @@ from vispeg.core.seeds import check_seed
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.schema import DiagnosisRecord, ProposalRecord
 from vispeg.kernels.threads import one_blas_thread
+from vispeg.recordings.progress import Reading, silent
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS
 from vispeg.report.live.arm import with_arms

@@ -15,10 +15,10 @@ from vispeg.evaluation import gap as gaps
 from vispeg.evaluation import runner
 from vispeg.evaluation.entrants import Policies
 from vispeg.evaluation.films.media import film_failures
-from vispeg.evaluation.folder import workplace
+from vispeg.evaluation.folder import EPISODES, workplace
 from vispeg.evaluation.jobs import Setting, make_jobs, seeds_of
 from vispeg.evaluation.players import ready
-from vispeg.evaluation.runner import EPISODES, names_of
+from vispeg.evaluation.runner import names_of
 from vispeg.report.gap import words
 from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet

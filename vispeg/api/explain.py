@@ -23,16 +23,17 @@ from vispeg.core.files import write_text_atomic
 from vispeg.core.several import several
 from vispeg.evaluation import explain as why
 from vispeg.evaluation import runner, senses
-from vispeg.evaluation.bridging import Asked, Bridging, Prices, diagnosis_of, recordings_of
+from vispeg.evaluation.bridging import Asked, Bridging, diagnosis_of, recordings_of
 from vispeg.evaluation.bridging import said as bridged
 from vispeg.evaluation.explain import CLOSED, OPEN, TOGETHER
-from vispeg.evaluation.folder import workplace
+from vispeg.evaluation.folder import EPISODES, workplace
 from vispeg.evaluation.jobs import Job, Setting, make_jobs
 from vispeg.evaluation.overlay import Change
 from vispeg.evaluation.players import ready
+from vispeg.evaluation.prices import Prices
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.replay import Replays
-from vispeg.evaluation.runner import EPISODES, names_of
+from vispeg.evaluation.runner import names_of
 from vispeg.evaluation.schema.explain import ExplainRecord, Next
 from vispeg.evaluation.senses import DRAWS, Look, Parting, Strip
 from vispeg.interface.interface import NoInterface

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vispeg.api.inputs import Model, Reading, Source, read_inputs, silent, windows
+from vispeg.api.inputs import Model, Source, read_inputs, windows
 from vispeg.api.result import Result, Traced
 from vispeg.channels.channel import CHANNELS, Both, How
 from vispeg.channels.resolve import fitted_in, resolve
@@ -25,6 +25,7 @@ from vispeg.identify.checkpoint import Checkpoint, Trace
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.spread import spread
 from vispeg.kernels.threads import one_blas_thread
+from vispeg.recordings.progress import Reading, silent
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS
 from vispeg.report.fitted import fit_record, fit_summary

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.api.inputs import Model, Reading, Source, read_inputs, silent
+from vispeg.api.inputs import Model, Source, read_inputs
 from vispeg.api.result import Result
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
@@ -18,6 +18,7 @@ from vispeg.core.seeds import stream
 from vispeg.identify.checkpoint import Checkpoint, Trace
 from vispeg.identify.paper import protocol
 from vispeg.identify.paper.intervals import determine
+from vispeg.recordings.progress import Reading, silent
 from vispeg.report.drawings.signature import signature_panels
 from vispeg.report.text.quantities import quantity
 from vispeg.report.text.summary import Block, Line

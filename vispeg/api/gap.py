@@ -25,12 +25,12 @@ from vispeg.core.several import several, single
 from vispeg.evaluation import gap as gaps
 from vispeg.evaluation.entrants import EXPERT, Entrant, Policies, given, refuse_trained_on
 from vispeg.evaluation.films.media import film_seeds
-from vispeg.evaluation.folder import workplace
+from vispeg.evaluation.folder import EPISODES, workplace
 from vispeg.evaluation.jobs import Job, Setting, make_jobs, seeds_of
 from vispeg.evaluation.measured import Trials, read_measured
 from vispeg.evaluation.players import ready
 from vispeg.evaluation.records import read_all
-from vispeg.evaluation.runner import EPISODES, check_stored, made_with, names_of, take_in
+from vispeg.evaluation.runner import check_stored, made_with, names_of, take_in
 from vispeg.report.gap import words
 from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet

@@ -11,8 +11,8 @@ from vispeg.api.fit import FitResult
 from vispeg.api.gap import GapResult
 from vispeg.api.result import Result
 from vispeg.core.errors import UserError
+from vispeg.evaluation.folder import EPISODES
 from vispeg.evaluation.records import read as read_episodes
-from vispeg.evaluation.runner import EPISODES
 from vispeg.formats.arrays import read_arrays
 from vispeg.formats.json_data import read_json
 from vispeg.report.record import recognised

@@ -136,8 +136,8 @@ def playing(
     jobs: Sequence[Job], folder: Path, quiet: bool = False
 ) -> Iterator[Callable[[Sequence[Episode], int, int], None]]:
     """Show a bar of all episodes, with the success so far; yield a function to call with episodes as they end."""
+    from vispeg.evaluation.folder import EPISODES
     from vispeg.evaluation.records import read
-    from vispeg.evaluation.runner import EPISODES
 
     totals: dict[str, int] = {}
     for job in jobs:

@@ -28,6 +28,7 @@ from vispeg.demonstrations.plan import images_of, scene_of, task_of
 from vispeg.demonstrations.sensing import ROWS as SENSOR_ROWS
 from vispeg.demonstrations.sensing import Clip, sense
 from vispeg.effects.common.images import FOLDER
+from vispeg.interface.terms import LIMIT, PRIVILEGED
 from vispeg.render.backends.backend import Renderer
 from vispeg.render.block_matching import Matcher
 from vispeg.render.cameras.camera_files import to_record
@@ -37,7 +38,6 @@ from vispeg.render.snapshot import Snapshot
 from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.registry import task_of as contract_of
 from vispeg.task.result import EpisodeResult
-from vispeg.task.terms import LIMIT, PRIVILEGED
 from vispeg.task.world_file import load_world
 from vispeg.worlds.split import moving, optical
 from vispeg.worlds.world import World

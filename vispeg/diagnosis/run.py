@@ -21,7 +21,6 @@ from vispeg.diagnosis.evidence.localise import maps, missing_torque, peaks, wher
 from vispeg.diagnosis.evidence.motionless import refuse_motionless
 from vispeg.diagnosis.evidence.remainder import dependences, sizes
 from vispeg.diagnosis.evidence.roles import Sides, sides
-from vispeg.diagnosis.findings import Verdict
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.proposal import Proposal, placed, propose
 from vispeg.diagnosis.record import (
@@ -233,6 +232,3 @@ def _noise_note(fed_back: float) -> list[str]:
     moved = f"move the arm by {np.sqrt(fed_back):.2g} times the encoders' noise"
     text = f"noise that is fed back, and where in a coarse encoder's step the arm began, {moved}"
     return [text + ": the right model too is that far off"]
-
-
-__all__ = ["Diagnosis", "Verdict", "diagnose"]

@@ -32,13 +32,14 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
-from vispeg.evaluation.lerobot import PREFIX, LeRobot, folder_of, run_of
+from vispeg.evaluation.lerobot import LeRobot, folder_of, run_of
 from vispeg.interface.actions import OFFSET, Actions, checked, split
 from vispeg.interface.exported import Exported
 from vispeg.interface.interface import Interface
+from vispeg.interface.lerobot import PREFIX
+from vispeg.interface.terms import MEASURED, POLICY, PRIVILEGED
 from vispeg.learn.meta import INTERFACE, MadeIn, worlds
 from vispeg.render.image_kinds import DEPTH, MODES, camera_of, grey_depth, kind_of
-from vispeg.task.terms import MEASURED, POLICY, PRIVILEGED
 
 MODULE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 EXPECTED = (

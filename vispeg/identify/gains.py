@@ -63,6 +63,3 @@ def postures(robot: RobotModel, centre: np.ndarray) -> np.ndarray:
 def _mobility(robot: RobotModel, q: np.ndarray) -> np.ndarray:
     """Return the inverse joint inertia (n, nj, nj) at q (n, nj)."""
     return np.linalg.inv(Nominal(compiled(robot), robot.joints, robot.flange, len(q), 1).operational(q)[0])
-
-
-__all__ = ["bearable", "postures", "servo"]

@@ -281,6 +281,3 @@ def _gaps(model: mujoco.MjModel, data: mujoco.MjData, pose: np.ndarray) -> np.nd
             for b in others:
                 out[i] = min(out[i], mujoco.mj_geomDistance(model, data, int(a), int(b), 10 * RULES.toss_near, None))
     return out
-
-
-__all__ = ["Restarts", "Windows"]

@@ -17,7 +17,7 @@ from vispeg.formats.typed import typed
 from vispeg.interface.actions import KINDS as ACTIONS
 from vispeg.interface.actions import OFFSET as SHARE
 from vispeg.interface.chain import Chain
-from vispeg.interface.observer import DOF, RECENT, Observer
+from vispeg.interface.observer import RECENT, Observer
 from vispeg.interface.terms import FELT, LIMIT, SENSED, Sensed
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.image_kinds import KINDS
@@ -309,6 +309,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, tuple | list):
         return [_plain(item) for item in value]
     return None if isinstance(value, float) and np.isinf(value) else value
-
-
-__all__ = ["DOF", "FORMAT", "KEY", "OFFSET", "Interface", "NoInterface", "read"]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from vispeg.core.errors import UserError
+from vispeg.interface.terms import POLICY, PRIVILEGED
 from vispeg.task.standard_terms import TIP_IN_GOAL
-from vispeg.task.terms import POLICY, PRIVILEGED
 
 MOST = 4096  # largest length of a vector, and largest side of an image in pixels
 VECTOR = POLICY  # key of the vector that the actor sees; critics may see PRIVILEGED too

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vispeg.learn.layout import ESTIMATE, OFFSET_M, PRIVILEGED
+from vispeg.interface.terms import PRIVILEGED
+from vispeg.learn.layout import ESTIMATE, OFFSET_M
 from vispeg.render.image_kinds import picture_of
 
 if TYPE_CHECKING:

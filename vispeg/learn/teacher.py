@@ -10,14 +10,15 @@ from typing import Any, Protocol
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.learn.layout import PRIVILEGED, VECTOR
+from vispeg.interface.terms import LIMIT, PRIVILEGED
+from vispeg.learn.layout import VECTOR
 from vispeg.learn.meta import interface, refuse_other_actions
 from vispeg.learn.modalities import modality
 from vispeg.learn.policy import load
 from vispeg.render.image_kinds import GOAL_TOLD
 from vispeg.task.registry import task_of
 from vispeg.task.scripted import Scripted
-from vispeg.task.terms import LIMIT, Observation
+from vispeg.task.terms import Observation
 
 
 class Teacher(Protocol):

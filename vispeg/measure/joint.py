@@ -531,6 +531,3 @@ def _bode(
     hz, u, dof = bandwidth
     inputs = [Input("logarithm about -3 dB", float(np.log(hz)), u / hz, "A", dof, "t")]  # never below 0
     results.append(propagate("bandwidth", "Hz", np.exp, inputs, rng, repeats=sum(p.used for p in points)))
-
-
-__all__ = ["Joint", "effects", "measure"]

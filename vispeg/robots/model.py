@@ -17,7 +17,7 @@ from vispeg.core.notes import note
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import is_file
 from vispeg.robots import gripper, iiwa14, menagerie, tools
-from vispeg.robots.arm import Limits, prepare
+from vispeg.robots.arm import prepare
 from vispeg.robots.declare import RobotConfig
 from vispeg.robots.examples import write_mjcf, write_urdf
 from vispeg.robots.mjcf import read_mjcf
@@ -244,17 +244,3 @@ def _file(robot: str) -> Path | None:
     if found is None:
         raise _unknown(robot)
     return found
-
-
-__all__ = [
-    "GRAVITY",
-    "Limits",
-    "RobotModel",
-    "available",
-    "check_name",
-    "is_path",
-    "load",
-    "load_for",
-    "same",
-    "tilted",
-]

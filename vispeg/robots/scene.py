@@ -21,7 +21,6 @@ from vispeg.core.notes import note
 from vispeg.robots import furniture, gripper, hole, tools, user_cell
 from vispeg.robots.declare import RobotConfig
 from vispeg.robots.furniture import COLOURS, LIGHTS
-from vispeg.robots.hole import TOUCHED, UNTOUCHED
 from vispeg.robots.model import RobotModel, load
 from vispeg.robots.scene_config import SceneConfig
 from vispeg.robots.user_shapes import UserShape, UserThing
@@ -254,6 +253,3 @@ def _sensors(spec: mujoco.MjSpec) -> None:
         objname="tool",
         intprm=[exists | force, net, 1],
     )
-
-
-__all__ = ["CAMERAS", "LIGHTS", "TOUCHED", "UNTOUCHED", "Scene", "SceneConfig", "build"]

@@ -10,7 +10,7 @@ import numpy as np
 
 from vispeg.core.effect import effect
 from vispeg.robots.model import RobotModel
-from vispeg.sim.nominal import Nominal, columns
+from vispeg.sim.nominal import Nominal
 
 ARMS = 4096  # greatest number of postures in one batch: MuJoCo's state of each takes kilobytes
 
@@ -65,6 +65,3 @@ def flange_pose(robot: RobotModel, q: np.ndarray) -> np.ndarray:
     flat = np.nan_to_num(q.reshape(-1, q.shape[-1]))
     pose = of_postures(robot, flat, lambda nominal, block: np.concatenate(nominal.operational(block)[2:4], axis=1))
     return pose.reshape(*q.shape[:-1], 7)
-
-
-__all__ = ["columns", "compiled", "flange_pose", "nominal_of", "of_postures"]

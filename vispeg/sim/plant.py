@@ -11,8 +11,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from vispeg.robots.model import RobotModel
-from vispeg.sim.compiled import columns, compiled
+from vispeg.sim.compiled import compiled
 from vispeg.sim.engine import batch_of
+from vispeg.sim.nominal import columns
 from vispeg.sim.physics import EffectLoop, Forces, derive
 from vispeg.sim.placement import Active, activate
 from vispeg.sim.state import DriveState, Fields

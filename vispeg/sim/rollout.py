@@ -201,6 +201,3 @@ class _Run:
         below = np.clip(np.searchsorted(grid, s.time, side="right") - 1, 0, ticks - 2)
         w = ((s.time - grid[below]) / self.tick)[None, :, None]
         return values[:, below] * (1 - w) + values[:, below + 1] * w
-
-
-__all__ = ["ReadingNoise", "Response", "simulate"]

@@ -44,6 +44,3 @@ class Start:
     believed: np.ndarray | None = None
     effects: tuple[EffectInstance, ...] | None = None
     source: Path | None = None
-
-
-__all__ = ["ABOVE", "DOWN", "Start", "home"]

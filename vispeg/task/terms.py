@@ -14,7 +14,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.interface.terms import LIMIT, MEASURED, POLICY, PRIVILEGED, Sensed, scaled
+from vispeg.interface.terms import POLICY, Sensed, scaled
 from vispeg.task.config import TaskConfig
 
 if TYPE_CHECKING:
@@ -184,6 +184,3 @@ def _noise(sim: Simulation) -> Callable[[Term, np.ndarray], np.ndarray]:
         return value + term.noise * np.stack(drawn)
 
     return noisy
-
-
-__all__ = ["LIMIT", "MEASURED", "POLICY", "PRIVILEGED", "Observation", "Simulation", "Term"]

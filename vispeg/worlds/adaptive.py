@@ -166,6 +166,3 @@ def _sides(r: RandomizedEffect, name: str) -> tuple[tuple[float, float], tuple[f
         return None
     low, high = spec.at(TAIL) - param.null, spec.at(1 - TAIL) - param.null
     return (max(-high, 0.0), max(-low, 0.0)), (max(low, 0.0), max(high, 0.0))
-
-
-__all__ = ["Adaptive", "Schedule"]

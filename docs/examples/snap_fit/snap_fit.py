@@ -15,9 +15,11 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.interface.observer import DOF
 from vispeg.robots.declare import RobotConfig
-from vispeg.robots.scene import CAMERAS, Scene, SceneConfig, build
-from vispeg.task.config import DOF, TaskConfig, Tolerance
+from vispeg.robots.scene import CAMERAS, Scene, build
+from vispeg.robots.scene_config import SceneConfig
+from vispeg.task.config import TaskConfig, Tolerance
 from vispeg.task.contract import Task
 from vispeg.task.environments.track import Track
 from vispeg.task.guards import CATEGORIES as GUARDED

@@ -12,10 +12,10 @@ from vispeg.api.stress.result import Stressed
 from vispeg.core.cluster import Engine
 from vispeg.core.errors import UserError
 from vispeg.evaluation.entrants import Policies
-from vispeg.evaluation.folder import workplace
+from vispeg.evaluation.folder import EPISODES, workplace
 from vispeg.evaluation.jobs import Pushes, make_jobs, seeds_of
 from vispeg.evaluation.players import ready
-from vispeg.evaluation.runner import EPISODES, names_of
+from vispeg.evaluation.runner import names_of
 from vispeg.evaluation.stress import perturb as pushed
 from vispeg.report.gap import words
 from vispeg.report.gap.stress_pages import perturb_page

@@ -12,10 +12,10 @@ from vispeg.core.errors import UserError
 from vispeg.core.notes import note
 from vispeg.core.several import several
 from vispeg.evaluation.entrants import Policies
-from vispeg.evaluation.folder import workplace
+from vispeg.evaluation.folder import EPISODES, workplace
 from vispeg.evaluation.jobs import make_jobs, seeds_of
 from vispeg.evaluation.players import ready
-from vispeg.evaluation.runner import EPISODES, names_of
+from vispeg.evaluation.runner import names_of
 from vispeg.evaluation.stress import sensitivity as swept
 from vispeg.report.gap.stress_pages import sensitivity_page
 from vispeg.report.text.summary import Block, Line

@@ -11,11 +11,11 @@ from vispeg.core.cluster import Engine
 from vispeg.core.errors import UserError
 from vispeg.evaluation import suite as suites
 from vispeg.evaluation.entrants import Entrant, Policies, refuse_trained_on
-from vispeg.evaluation.folder import workplace
+from vispeg.evaluation.folder import EPISODES, workplace
 from vispeg.evaluation.jobs import make_jobs, seeds_of
 from vispeg.evaluation.measured import Trials, read_csv
 from vispeg.evaluation.players import ready
-from vispeg.evaluation.runner import EPISODES, names_of
+from vispeg.evaluation.runner import names_of
 from vispeg.evaluation.schema.suite import Configuration
 from vispeg.report.gap import words
 from vispeg.report.gap.suite_page import render

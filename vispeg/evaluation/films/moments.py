@@ -96,7 +96,8 @@ def moments(env: Any, policy: Any, seed: int) -> Iterator[Moment]:
 
 
 def _moment(env: Any, obs: Mapping[str, np.ndarray], policy: Any, step: int, outcome: str = "") -> Moment:
-    from vispeg.learn.layout import ESTIMATE, OFFSET_M, PRIVILEGED
+    from vispeg.interface.terms import PRIVILEGED
+    from vispeg.learn.layout import ESTIMATE, OFFSET_M
 
     snapshot = env.sim.snapshot(0)
     estimate = getattr(policy, "estimate", None)

@@ -17,16 +17,16 @@ from vispeg.datasets.layout import colour_of, depth_of, truth_of
 from vispeg.datasets.read import Dataset
 from vispeg.interface.actions import entries, split
 from vispeg.interface.observer import BEYOND, DOF
+from vispeg.interface.terms import POLICY, PRIVILEGED
 from vispeg.learn.experience.replay import Replay
 from vispeg.learn.experience.theirs import ACTION, EXECUTED, RATE, Theirs, finite
-from vispeg.learn.layout import PRIVILEGED, Layout
+from vispeg.learn.layout import Layout
 from vispeg.learn.meta import Origin, refuse_other_actions
 from vispeg.learn.modalities import modality as modality_of
 from vispeg.render.image_kinds import DEPTH, GOAL_TOLD, camera_of, kind_of
 from vispeg.task.config import TaskConfig
 from vispeg.task.interface import interface_in
 from vispeg.task.registry import config_of
-from vispeg.task.terms import POLICY
 from vispeg.task.world_file import load_world, parts
 
 

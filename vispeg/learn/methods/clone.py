@@ -9,8 +9,9 @@ import numpy as np
 import torch
 
 from vispeg.core.errors import UserError
+from vispeg.interface.terms import PRIVILEGED
 from vispeg.learn.experience.replay import Replay, mixed
-from vispeg.learn.layout import ESTIMATE, PRIVILEGED
+from vispeg.learn.layout import ESTIMATE
 from vispeg.learn.networks.actor import Actor
 from vispeg.learn.networks.nets import huber
 from vispeg.learn.networks.recurrent import draw, latents

@@ -20,8 +20,9 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.sac.policies import SACPolicy
 from torch import Tensor, nn
 
+from vispeg.interface.terms import PRIVILEGED
 from vispeg.learn.experience.replay import Batch, Images, Replay, mixed
-from vispeg.learn.layout import ESTIMATE, PRIVILEGED, VECTOR, Layout
+from vispeg.learn.layout import ESTIMATE, VECTOR, Layout
 from vispeg.learn.modalities import Modality
 from vispeg.learn.networks.actor import Actor, State
 from vispeg.learn.networks.critic import Critic

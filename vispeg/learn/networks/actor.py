@@ -10,7 +10,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from vispeg.learn.layout import PRIVILEGED, VECTOR, Layout
+from vispeg.interface.terms import PRIVILEGED
+from vispeg.learn.layout import VECTOR, Layout
 from vispeg.learn.modalities import Modality
 from vispeg.learn.networks.nets import Scale, mlp, random_shift
 

@@ -10,7 +10,7 @@ from vispeg.recordings.checks.joint_check import JointCheck
 from vispeg.recordings.checks.missing import said
 from vispeg.recordings.checks.spikes import Spike
 from vispeg.recordings.checks.timing import Timing
-from vispeg.recordings.importers.plausible import Doubt
+from vispeg.recordings.importers.slopes import Doubt
 from vispeg.recordings.noise import silent
 from vispeg.recordings.recording import Recording
 

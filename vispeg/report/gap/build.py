@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.core.files import write_text_atomic
+from vispeg.evaluation.folder import EPISODES
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.records import read as read_episodes
-from vispeg.evaluation.runner import EPISODES
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import MB, as_written
 from vispeg.formats.json_data import read_json

@@ -13,7 +13,8 @@ from vispeg.report.drawings.figures import AFTER, BEFORE, MEASURED, MUTED, Shape
 from vispeg.report.live import arm
 from vispeg.report.live.arm import stage
 from vispeg.report.live.traces import SCRIPTS as CHARTS
-from vispeg.report.live.traces import STYLES, Line, Panel, Track, inert, widget
+from vispeg.report.live.traces import STYLES as CHART_STYLES
+from vispeg.report.live.traces import Line, Panel, Track, inert, widget
 from vispeg.report.record import Record
 from vispeg.report.text import words
 from vispeg.report.text.quantities import prefix, quantity, rms
@@ -23,8 +24,7 @@ if TYPE_CHECKING:
 
 
 TITLE = "Measured against model"
-SCRIPTS = (*CHARTS, *arm.SCRIPTS)
-__all__ = ["SCRIPTS", "STYLES", "TITLE", "context"]
+SCRIPTS, STYLES = (*CHARTS, *arm.SCRIPTS), CHART_STYLES
 MOST_TRACES, MOST_TRACKS = 3, 8  # traces drawn in print; tracks to choose from on screen
 POINTS, NARROW_POINTS = 20_000, 160  # in print: in total, and per line on a narrow page
 SHARE = 0.15  # share of the worst joint's residual below which joints are hidden at first

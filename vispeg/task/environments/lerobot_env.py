@@ -7,10 +7,10 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from vispeg.interface.terms import MEASURED
 from vispeg.render.image_kinds import RGB
 from vispeg.task.environments.env import TaskEnv
 from vispeg.task.registry import task_of
-from vispeg.task.terms import MEASURED
 
 PIXELS, STATE = "pixels", "agent_pos"  # as LeRobot names them
 

@@ -13,7 +13,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.effects.common.springs import sprung
 from vispeg.interface.observer import DOWN, RECENT, Observer
-from vispeg.interface.terms import policy_part
+from vispeg.interface.terms import LIMIT, POLICY, PRIVILEGED, policy_part
 from vispeg.render.image_kinds import GOAL_TOLD, MODES
 from vispeg.render.snapshot import Snapshot
 from vispeg.sim.compiled import compiled, nominal_of
@@ -28,7 +28,7 @@ from vispeg.task.registry import task_of
 from vispeg.task.result import EpisodeResult
 from vispeg.task.rewards import Moment
 from vispeg.task.start import ABOVE, Start, home
-from vispeg.task.terms import LIMIT, POLICY, PRIVILEGED, Observation
+from vispeg.task.terms import Observation
 from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.split import physical
 from vispeg.worlds.world import World

@@ -14,6 +14,7 @@ from gymnasium.vector.utils import batch_space
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import check_seed, stream
+from vispeg.interface.terms import LIMIT, MEASURED, POLICY, PRIVILEGED
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.rig import CameraRig
 from vispeg.render.image_kinds import DEPTH, MODES, grey_depth
@@ -25,7 +26,7 @@ from vispeg.task.environments.simulation import Push, TaskSimulation
 from vispeg.task.eyes import image_spaces, rig_of
 from vispeg.task.registry import config_of, kind_of, task_of
 from vispeg.task.start import Start
-from vispeg.task.terms import LIMIT, MEASURED, POLICY, PRIVILEGED, Observation
+from vispeg.task.terms import Observation
 from vispeg.task.world_file import WorldFile, load_world
 from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 from vispeg.worlds.world import World

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from vispeg.task.config import DOF
+from vispeg.interface.observer import DOF
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.terms import TERMS
 from vispeg.task.terms import Observation

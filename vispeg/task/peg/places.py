@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.interface.observer import DOWN
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.reach import reach
-from vispeg.task.start import ABOVE, DOWN, home
+from vispeg.task.start import ABOVE, home
 from vispeg.worlds.distribution import Choice, Distribution, LogUniform, Normal, Uniform
 from vispeg.worlds.randomized import RandomizedEffect
 

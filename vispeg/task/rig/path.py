@@ -9,11 +9,11 @@ import numpy as np
 
 from vispeg.control.laws import rotated, turned
 from vispeg.core.errors import UserError
+from vispeg.interface.observer import DOWN
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.reach import reach
 from vispeg.task.rig.posture import posture
-from vispeg.task.start import DOWN
 
 Vec = tuple[float, float, float]
 FORCE = slice(6, 9)  # columns of the force in a frame's numbers

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.interface.observer import DOWN
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.reach import reach
-from vispeg.task.start import DOWN, home
+from vispeg.task.start import home
 
 STEP, FAR = 0.02, 1.5  # rad, norm over all joints: distance between tried postures, and greatest distance
 ROOM = 0.3  # rad, distance that each joint keeps to its limits

@@ -11,7 +11,8 @@ from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.importers.guess.names import Meaning
 from vispeg.recordings.importers.guess.ticks import step_of_degrees
 from vispeg.recordings.importers.mapping import FACTORS
-from vispeg.recordings.importers.plausible import RATES, TOP_SPEED, slope
+from vispeg.recordings.importers.plausible import RATES, TOP_SPEED
+from vispeg.recordings.importers.slopes import slope
 from vispeg.recordings.importers.turns import straightened
 
 TIMES = ("s", "ms", "us", "ns")
