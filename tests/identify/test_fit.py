@@ -225,7 +225,7 @@ def test_a_fit_that_cannot_come_near_gives_up_and_one_that_can_is_the_same_as_al
 
 
 def test_a_chase_gives_up_by_the_rate_at_which_a_fit_falls():
-    steep, flat = Chase(2.0, 8), Chase(2.0, 8)
+    steep, flat = Chase(2.0), Chase(2.0)
     for lap in range(1, 7):
         steep.check(1.0 + 1e5 * 0.1**lap, lap)
     flat.check(361.0, 1)
@@ -236,7 +236,7 @@ def test_a_chase_gives_up_by_the_rate_at_which_a_fit_falls():
 @pytest.mark.parametrize("order", [(1.5, 30.0), (30.0, 1.5)])
 def test_the_order_of_threads_decides_no_race(order):
     """Fits of one round go on whoever is told first; in the next round the one far behind gives up."""
-    race = Race(laps=2)
+    race = Race()
     for cost in order:
         race.check(cost, 2)
     race.turn()

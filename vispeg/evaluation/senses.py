@@ -298,10 +298,10 @@ class Strip:
     simulated: Mapping[str, Sequence[np.ndarray]]
 
 
-def strip(robot: Sequence[Images], simulated: Sequence[Images], step: int, most: int = 8) -> Strip:
-    """Return the pictures of up to `most` steps spread evenly over a trial; `step` is one of them."""
+def strip(robot: Sequence[Images], simulated: Sequence[Images], step: int) -> Strip:
+    """Return the pictures of up to eight steps spread evenly over a trial; `step` is one of them."""
     n = min(len(robot), len(simulated))
-    steps = sorted({*np.linspace(0, n - 1, min(n, most - 1)).round().astype(int).tolist(), step})
+    steps = sorted({*np.linspace(0, n - 1, min(n, 7)).round().astype(int).tolist(), step})
     sides = [
         {key: [picture_of(key, side[k][key][0]) for k in steps] for key in robot[0]} for side in (robot, simulated)
     ]

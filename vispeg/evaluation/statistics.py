@@ -654,14 +654,13 @@ def gap_words(decision: Decision) -> str:
 
 
 @lru_cache(maxsize=4096)
-def pairs_needed(difference: float, discordant: float, alpha: float = ALPHA, power: float = POWER) -> int:
-    """Return the number of pairs with which McNemar's exact test detects `difference` with probability `power`.
+def pairs_needed(difference: float, discordant: float, alpha: float = ALPHA) -> int:
+    """Return the number of pairs with which McNemar's exact test detects `difference` with probability POWER.
 
     Args:
         difference: difference of the two rates; its sign does not matter.
         discordant: share of pairs that end differently; it is taken to be at least the difference.
         alpha: level of the test; in a family of m, ALPHA / m at Holm's first step.
-        power: probability of a significant result.
 
     Raises:
         UserError: a difference whose size is not within (0, 1].
@@ -671,11 +670,11 @@ def pairs_needed(difference: float, discordant: float, alpha: float = ALPHA, pow
         raise UserError("not a difference of two success rates", expected="0 < difference <= 1", got=difference)
     psi = min(max(discordant, d), 1.0)
     low, high = 1, 2
-    while exact_power(high, d, psi, alpha) < power:
+    while exact_power(high, d, psi, alpha) < POWER:
         low, high = high, 2 * high
     while high - low > max(1, high // 200):  # power rises in steps, so 0.5 % is precise enough
         middle = (low + high) // 2
-        low, high = (low, middle) if exact_power(middle, d, psi, alpha) >= power else (middle, high)
+        low, high = (low, middle) if exact_power(middle, d, psi, alpha) >= POWER else (middle, high)
     return high
 
 

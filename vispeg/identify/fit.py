@@ -26,6 +26,9 @@ from vispeg.worlds.world import World
 # Largest whitened residual that the costs of start points and of CMA-ES count, so that a diverging one does not decide;
 # least squares itself has no such limit
 ROBUST = 1e3
+ITERATIONS = 8  # of least squares
+LAPS = 2  # iterations before which no fit is stopped for others
+BEHIND = 4.0  # times the excess of the best fit, from which another is far behind
 
 
 @dataclass(frozen=True)
@@ -75,15 +78,10 @@ class Race:
     """A stopping rule shared by concurrent fits: one stops when another is far ahead, to save its rollouts.
 
     Fits are compared each time all of them wait for rollouts, so the result does not depend on thread scheduling.
-
-    Args:
-        ratio: a fit stops once its excess is more than this many times the best one's. The excess is the mean squared
-            whitened residual minus 1; the best one counts as at least 0.1.
-        laps: iterations before which no fit stops.
     """
 
-    def __init__(self, ratio: float = 4.0, laps: int = 2):
-        self.ratio, self.laps, self.best = ratio, laps, np.inf
+    def __init__(self) -> None:
+        self.best = np.inf
         self.reached: list[float] = []  # residuals reached since all fits last waited
 
     def turn(self) -> None:
@@ -95,12 +93,15 @@ class Race:
         """Raise StopIteration, which ends the fit, if at iteration `lap` it is far behind the best one."""
         self.reached.append(mean_square)
         best = min(self.best, mean_square)
-        if lap >= self.laps and mean_square > self.far_behind(best):
+        if lap >= LAPS and mean_square > self.far_behind(best):
             raise StopIteration
 
     def far_behind(self, best: float) -> float:
-        """Return the mean squared residual from which a fit is far behind one that reached `best`."""
-        return 1.0 + self.ratio * max(best - 1.0, 0.1)
+        """Return the mean squared residual from which a fit is far behind one that reached `best`.
+
+        A fit is far behind once its excess over 1 is more than `BEHIND` times that of the best, at least 0.1.
+        """
+        return 1.0 + BEHIND * max(best - 1.0, 0.1)
 
 
 class Chase(Race):
@@ -111,20 +112,18 @@ class Chase(Race):
 
     Args:
         goal: mean squared residual to reach.
-        iterations: as in `fit_job`, of the fit.
-        laps: iterations before which it does not stop.
     """
 
-    def __init__(self, goal: float, iterations: int = 8, laps: int = 2):
-        super().__init__(laps=laps)
-        self.goal, self.iterations, self.last = goal, iterations, np.inf
+    def __init__(self, goal: float):
+        super().__init__()
+        self.goal, self.last = goal, np.inf
 
     def check(self, mean_square: float, lap: int) -> None:
         """Raise StopIteration if a fit cannot reach the goal."""
         before, self.last = self.last, mean_square
         # the steps left multiply the residual by the last step's factor to the power 1, 2, 4, ...
-        exponent = 2.0 ** max(self.iterations - lap, 0) - 1.0
-        if lap >= self.laps and mean_square * min(mean_square / before, 1.0) ** exponent > self.goal:
+        exponent = 2.0 ** max(ITERATIONS - lap, 0) - 1.0
+        if lap >= LAPS and mean_square * min(mean_square / before, 1.0) ** exponent > self.goal:
             raise StopIteration
 
 
@@ -134,7 +133,7 @@ def fit_job(
     free: Sequence[int],
     *,
     starts: Sequence[World] = (),
-    iterations: int = 8,
+    iterations: int = ITERATIONS,
     method: Literal["least-squares", "cma"] = "least-squares",
     rng: np.random.Generator | None = None,
     race: Race | None = None,

@@ -39,6 +39,7 @@ REMEMBERED = 128e6  # bytes of cached torques along motions: a minute of 7 joint
 ENDS = 0.5  # s at both ends of an episode that are not compared: filter transients
 STICK = 0.01  # rad/s over which dry friction changes sign: velocity noise rules out a sharper edge
 STANDS = 3 * STICK  # rad/s, below which a joint may be at rest
+LATEST = 2.0  # s by which two runs of one motion may start at different times
 # Fields whose effects change the links' inertia or gravity
 RIGID = frozenset({"body_mass", "body_ipos", "body_inertia", "body_iquat", "opt.gravity"})
 CAVEATS = (
@@ -301,14 +302,14 @@ def _filled(sigma: np.ndarray) -> np.ndarray:
     return np.where(read, sigma, np.sqrt(np.mean(sigma[read] ** 2)) if read.any() else 0.0)
 
 
-def _repeat_gap(a: Recording, b: Recording, longest: float = 2.0) -> np.ndarray | None:
+def _repeat_gap(a: Recording, b: Recording) -> np.ndarray | None:
     """Return the torque noise (nj,) N m from two runs of one motion, aligned in time; None if they cannot be aligned.
 
-    Starts may differ by up to `longest` seconds.
+    Starts may differ by up to `LATEST` seconds.
     """
     if a.tau is None or b.tau is None or a.q.shape[1] != b.q.shape[1] or a.chosen or b.chosen:
         return None
-    margin = int(longest * a.rate_hz)  # samples left out at both ends of `a`
+    margin = int(LATEST * a.rate_hz)  # samples left out at both ends of `a`
     n = min(len(a.time), len(b.time)) - 2 * margin
     if n < a.rate_hz:  # less than a second
         return None

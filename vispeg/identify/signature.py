@@ -48,7 +48,7 @@ class Signature:
     speed: np.ndarray
 
 
-def signature(name: str, where: str | None = None, *, robot: str = "iiwa14", seed: int = 0) -> Signature:
+def signature(name: str, where: str | None = None, *, robot: str = "iiwa14") -> Signature:
     """Drive the robot with and without an effect: slow and fast strokes for joint effects, else a Fourier motion.
 
     `where` is by default a joint or link in the middle of the arm, if the effect has such a place, else its first one.
@@ -59,7 +59,7 @@ def signature(name: str, where: str | None = None, *, robot: str = "iiwa14", see
     spot = usual if where is None else place(kind, where, model)
     placed = EffectInstance.of(name, spot, **{k: p.start for k, p in kind.params.items()})
     move = "triangle" if kind.family == "joint" else "fourier"
-    m = motion(move, model, RATE, SECONDS, stream(seed, "signature"))
+    m = motion(move, model, RATE, SECONDS, stream(0, "signature"))
     # an effect in a servo's loop alone lacks the channel `angle`
     mode = "position" if "angle" in kind.channels() else "servo"
     control = controller(model, mode, RATE, centre_of(model))

@@ -52,8 +52,8 @@ class Readings:
         """Return the column `place`, (n,): the number of the spot at which each reading was taken; None without one."""
         return self.columns.get("place")
 
-    def instrument(self, name: str, times: int = 1) -> list[Input]:
-        """Return the instrument's errors of a column: half a digit, `times` over, and the instrument's limit of error.
+    def instrument(self, name: str) -> list[Input]:
+        """Return the instrument's errors of a column: half a digit, and the instrument's limit of error.
 
         Each has the value 0 and is left out if its uncertainty is 0.
 
@@ -64,7 +64,7 @@ class Readings:
             title = self.titles.get(name, name)
             expected = f"--resolution {title}=ONE DIGIT (0 if it is negligible)"
             raise UserError(f"the resolution of '{title}' is not stated", file=self.file, expected=expected)
-        out = [rectangular(f"resolution of {name}", 0.5 * self.resolution[name]) for _ in range(times)]
+        out = [rectangular(f"resolution of {name}", 0.5 * self.resolution[name])]
         if self.accuracy.get(name):
             out.append(rectangular(f"limit of error of {name}", self.accuracy[name]))
         return [error for error in out if error.u > 0]

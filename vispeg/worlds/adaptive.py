@@ -18,6 +18,8 @@ from vispeg.worlds.distribution import Distribution
 from vispeg.worlds.places import MANY
 from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 
+LOW, HIGH = 0.5, 0.9  # shares of success from which a range narrows, and widens
+EDGE = 0.75  # share of a range from which on values are at its edge
 TAIL = 0.025  # quantile that counts as a range's lower end, as 1 - TAIL does as its upper end
 
 
@@ -54,23 +56,19 @@ class AdaptiveState(TypedDict):
 class Adaptive:
     """Automatic domain randomization: a range widens if the policy succeeds at its edge, and narrows if it fails there.
 
-    An episode is at the edge of a range if one of the range's parameters lies in the outer share `1 - edge` of the
+    An episode is at the edge of a range if one of the range's parameters lies in the outer share `1 - EDGE` of the
     values that the present level allows (at level 0 every episode is). After `window` such episodes, the level rises by
-    `step` if at least the share `high` of them succeeded, and falls by `step` if at most the share `low` did. Source:
+    `step` if at least the share HIGH of them succeeded, and falls by `step` if at most the share LOW did. Source:
     OpenAI et al. 2019, Solving Rubik's Cube with a Robot Hand, section 5.2. There, episodes are put at the edge on
     purpose. Here they are at the edge by chance, so that a world depends only on its seed and levels.
 
     Args:
         world: the world whose ranges are scaled.
         start: initial level of every range.
-        step, window, low, high, edge: see above.
+        step, window: see above.
 
     Attributes:
         levels: range's label -> level, for `RandomizedWorld.sample`.
-
-    Raises:
-        UserError: `start`, `step`, `low`, `high` or `edge` is not between 0 and 1, `window` is below 1, or `low` is not
-            below `high`.
     """
 
     def __init__(
@@ -80,16 +78,8 @@ class Adaptive:
         start: float = 0.0,
         step: float = 0.05,
         window: int = 40,
-        low: float = 0.5,
-        high: float = 0.9,
-        edge: float = 0.75,
     ):
-        for key, value in (("start", start), ("step", step), ("low", low), ("high", high), ("edge", edge)):
-            if not 0 <= value <= 1:
-                raise UserError("not a share", key=key, expected="0 to 1", got=value)
-        if window < 1 or low >= high:
-            raise UserError("not thresholds", expected="window > 0 and low < high", got=(window, low, high))
-        self.step, self.window, self.low, self.high, self.edge = step, window, low, high, edge
+        self.step, self.window = step, window
         self.ranges = {r.label: r for r in world.ranges if any(_sides(r, n) for n in r.params)}
         self.labels = {r.label for r in world.ranges}
         self.levels = dict.fromkeys(self.ranges, float(start))
@@ -139,7 +129,7 @@ class Adaptive:
                 continue
             distance = values[name] - effect(r.effect).params[name].null
             near, far = sides[int(distance >= 0)]
-            if abs(distance) >= level * (near + self.edge * (far - near)) - 1e-12:
+            if abs(distance) >= level * (near + EDGE * (far - near)) - 1e-12:
                 return True
         return False
 
@@ -149,7 +139,7 @@ class Adaptive:
         if len(recent) < self.window:
             return
         rate = np.mean(recent)
-        change = self.step if rate >= self.high else -self.step if rate <= self.low else 0.0
+        change = self.step if rate >= HIGH else -self.step if rate <= LOW else 0.0
         # rounded, so that levels stay multiples of the step
         self.levels[label] = float(np.clip(round(self.levels[label] + change, 9), 0.0, 1.0))
         self.outcomes[label] = []

@@ -65,7 +65,7 @@ class MissingTorque:
     sigma: np.ndarray
 
 
-def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingTorque:
+def missing_torque(item: Item, predicted: np.ndarray) -> MissingTorque:
     """Return the missing torque of an item under a model that predicts `predicted` (m, nch).
 
     Where torques are compared it is predicted minus measured torque. Where angles are compared it is, low-passed,
@@ -101,7 +101,7 @@ def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingT
         return np.einsum("nij,nj->ni", mass, acc + kd * rate + kp * d) + damper * rate + spring * d
 
     difference = _filled(item.measured[:, :nj] - predicted[:, :nj])
-    noise = np.random.default_rng(seed).normal(size=(m, nj)) * item.sigma[:nj]
+    noise = np.random.default_rng(0).normal(size=(m, nj)) * item.sigma[:nj]
     valid = item.valid.any(axis=1)
     sigma = torque(noise)[valid].std(axis=0)
     raw = seg.q_raw if len(seg.q_raw) == m else item.measured[:, :nj]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 FROM_XYZ = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
+WHITE = 6500.0  # K, white balance of a camera
 SECOND_RADIATION = 1.438777e-2  # m K, CODATA 2018
 # scale, centre (nm), inverse width below and above the centre (1/nm)
 LOBES = (
@@ -49,12 +50,12 @@ def xyz_of_blackbody(kelvin: float) -> tuple[float, float, float]:
     return float(x / y), 1.0, float(z / y)
 
 
-def tint_of_blackbody(kelvin: float, white: float = 6500.0) -> np.ndarray:
-    """Return the factors (3,) on encoded colours under a lamp of `kelvin`, for a white balance at `white` kelvin.
+def tint_of_blackbody(kelvin: float) -> np.ndarray:
+    """Return the factors (3,) on encoded colours under a lamp of `kelvin`, for a white balance at WHITE.
 
     The greatest channel is 1: temperature changes colour, not brightness. The ratio of linear light is raised to
     1/2.2, because MuJoCo's renderer multiplies encoded colours.
     """
-    ratio = (FROM_XYZ @ xyz_of_blackbody(kelvin)) / (FROM_XYZ @ xyz_of_blackbody(white))
+    ratio = (FROM_XYZ @ xyz_of_blackbody(kelvin)) / (FROM_XYZ @ xyz_of_blackbody(WHITE))
     ratio = np.maximum(ratio, 1e-3)
     return (ratio / ratio.max()) ** (1 / 2.2)

@@ -16,7 +16,7 @@ SHARE, ENOUGH = 0.95, 0.98  # of a joint's speed limit: target after scaling, an
 ROUNDS, OWN = 6, 2  # trials; trials after which all joints are scaled, because they excite each other
 
 
-def rehearsed(world: World, motion: Motion, control: Control, nthread: int = 1) -> tuple[Motion, np.ndarray]:
+def rehearsed(world: World, motion: Motion, control: Control) -> tuple[Motion, np.ndarray]:
     """Scale the motion so that no joint of this world exceeds its speed limit; return it and the scale factors (nj,).
 
     The command of a joint that is too fast is scaled around its first angle; if that does not help, because the
@@ -30,7 +30,7 @@ def rehearsed(world: World, motion: Motion, control: Control, nthread: int = 1) 
     if motion.ee_cmd is not None or control.mode == "osc" or not np.isfinite(limit).any():
         return motion, share
     for number in range(ROUNDS):
-        top = np.nanmax(np.abs(drive(world, tried, control, nthread)[1].dq[0]), axis=0)
+        top = np.nanmax(np.abs(drive(world, tried, control)[1].dq[0]), axis=0)
         over = np.where(np.isfinite(limit) & (limit > 0), top / limit, 0.0)
         if not (over > ENOUGH).any():
             break

@@ -18,8 +18,8 @@ class DepthEncoder(ConvEncoder):
     not taken for a surface.
     """
 
-    def __init__(self, shape: tuple[int, int, int], features: int = 64):
-        super().__init__((2 * shape[0], *shape[1:]), features)
+    def __init__(self, shape: tuple[int, int, int]):
+        super().__init__((2 * shape[0], *shape[1:]))
 
     def forward(self, x: Tensor) -> Tensor:
         """Return features (n, features) of depth images (n, 1, H, W) in metres."""

@@ -8,6 +8,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+LEAST, LIMIT = 0.05, 10.0  # of `Scale`: smallest standard deviation to divide by; outputs are within +-LIMIT
+SHIFTS = 16  # of `random_shift`: shifts drawn for a batch; each applies to a run of neighbours, which saves time
+
 
 def mlp(inputs: int, hidden: Sequence[int]) -> nn.Sequential:
     """Return a perceptron from (n, inputs) to (n, hidden[-1]): Linear, LayerNorm and ReLU for each hidden width.
@@ -28,27 +31,24 @@ class Scale(nn.Module):
 
     Args:
         size: length of the input.
-        floor: smallest standard deviation to divide by.
-        limit: outputs are clamped to +-limit.
     """
 
     mean: Tensor
     spread: Tensor
 
-    def __init__(self, size: int, floor: float = 0.05, limit: float = 10.0):
+    def __init__(self, size: int):
         super().__init__()
-        self.floor, self.limit = floor, limit
         self.register_buffer("mean", torch.zeros(size))
         self.register_buffer("spread", torch.ones(size))
 
     def measure(self, x: Tensor) -> None:
         """Set mean and standard deviation from at least two samples (n, size)."""
         self.mean.copy_(x.mean(0))
-        self.spread.copy_(x.std(0).clamp_min(self.floor))
+        self.spread.copy_(x.std(0).clamp_min(LEAST))
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return the normalised inputs (n, size), within +-limit."""
-        return ((x - self.mean) / self.spread).clamp(-self.limit, self.limit)
+        """Return the normalised inputs (n, size), within +-LIMIT."""
+        return ((x - self.mean) / self.spread).clamp(-LIMIT, LIMIT)
 
 
 class ConvEncoder(nn.Module):
@@ -83,18 +83,17 @@ class ConvEncoder(nn.Module):
         return self.head(self.conv(x.contiguous(memory_format=torch.channels_last)))
 
 
-def random_shift(x: Tensor, pixels: int, groups: int = 16) -> Tensor:
+def random_shift(x: Tensor, pixels: int) -> Tensor:
     """Return images shifted by a random whole number of pixels on each axis; pixels at the edges are repeated.
 
     Args:
         x: (n, C, H, W), any type.
         pixels: largest shift; 0 returns the images themselves.
-        groups: number of shifts that are drawn; each applies to a run of neighbours in the batch, which saves time.
     """
     if pixels == 0:
         return x
     height, width = x.shape[-2:]
-    shifts = torch.randint(-pixels, pixels + 1, (min(groups, len(x)), 2)).tolist()
+    shifts = torch.randint(-pixels, pixels + 1, (min(SHIFTS, len(x)), 2)).tolist()
     parts = []
     for part, (down, right) in zip(x.chunk(len(shifts)), shifts, strict=False):
         rows = torch.arange(down, down + height, device=x.device).clamp_(0, height - 1)

@@ -287,7 +287,7 @@ def open_backend(name: BackendName, model: mujoco.MjModel, width: int, height: i
     if name == "filament":
         from vispeg.render.backends.filament import Filament
 
-        return Filament(model, width, height, shadows)
+        return Filament(model, shadows)
     from vispeg.render.backends.classic import Classic
 
     try:

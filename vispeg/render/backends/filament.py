@@ -53,11 +53,11 @@ def _quiet() -> Iterator[None]:
 
 
 class Filament:
-    """The Filament backend; arguments as for `Classic`. Edited textures take effect after `upload`."""
+    """The Filament backend. Edited textures take effect after `upload`."""
 
     name = "filament"
 
-    def __init__(self, model: mujoco.MjModel, width: int = 0, height: int = 0, shadows: bool = False):
+    def __init__(self, model: mujoco.MjModel, shadows: bool):
         if reason := unusable():
             raise UserError(f"no physically based pictures here: {reason}", expected=HINT)
         import mujoco.studio  # must be imported first, or mjrf does not find its library

@@ -19,12 +19,12 @@ SEEN = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # which geom groups the rays hit
 
 
 class Raycast:
-    """The ray casting backend; arguments as for `Classic`, but size and shadows are ignored."""
+    """The ray casting backend."""
 
     name = "raycast"
     remembers = False
 
-    def __init__(self, model: mujoco.MjModel, width: int = 0, height: int = 0, shadows: bool = False):
+    def __init__(self, model: mujoco.MjModel):
         self.model = model
 
     def draw(self, data: mujoco.MjData, views: Sequence[View], ids: bool) -> list[Picture]:

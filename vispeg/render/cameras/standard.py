@@ -38,10 +38,10 @@ def standard_cameras(tip: float = TIP, goal: Sequence[float] = GOAL) -> tuple[Ca
     return wide, crop, external
 
 
-def square(name: str, focal: float, size: int = SIZE) -> Camera:
-    """Return a camera of `size` x `size` px with its principal point in the middle, at the origin of the base."""
-    middle = (size - 1) / 2
-    return Camera(name, size, size, focal, focal, middle, middle)
+def square(name: str, focal: float) -> Camera:
+    """Return a camera of SIZE x SIZE px with its principal point in the middle, at the origin of the base."""
+    middle = (SIZE - 1) / 2
+    return Camera(name, SIZE, SIZE, focal, focal, middle, middle)
 
 
 def focal_of(fov: float, size: int = SIZE) -> float:
