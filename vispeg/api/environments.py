@@ -38,8 +38,15 @@ def make(
     """
     from vispeg.task.environments.env import TaskEnv
 
-    options: Any = {"privileged": privileged, "depth_image": depth_image, "measured": measured}
-    return TaskEnv(world, obs_mode, render_mode, **options, **settings)
+    return TaskEnv(
+        world,
+        obs_mode,
+        render_mode,
+        privileged=privileged,
+        depth_image=depth_image,
+        measured=measured,
+        **settings,
+    )
 
 
 def make_vec(
@@ -64,6 +71,14 @@ def make_vec(
     """
     from vispeg.task.environments.vector import TaskVec
 
-    options: Any = {"privileged": privileged, "depth_image": depth_image, "measured": measured}
-    options["render_mode"] = render_mode
-    return TaskVec(num_envs, world, obs_mode, seed=seed, **options, **settings)
+    return TaskVec(
+        num_envs,
+        world,
+        obs_mode,
+        seed=seed,
+        privileged=privileged,
+        depth_image=depth_image,
+        measured=measured,
+        render_mode=render_mode,
+        **settings,
+    )

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from vispeg.core.disk import written
 from vispeg.core.errors import UserError
@@ -202,8 +202,16 @@ def _own(who: Entrant, world: str | Path | None, name: str | None) -> tuple[Acts
         what = "the policy does not say which arm and cameras it is for"
         raise UserError(what, key="--world", expected="the world in which it was trained")
     _, config, file = world_of(str(world), who.task)
-    origin: Any = {"modality": who.modality, "recurrent": 0, "world": str(world), "policy": who.digest}
-    meaning = interface_in(config, file, who.modality, world_hash="" if file is None else file.hash, **origin)
+    meaning = interface_in(
+        config,
+        file,
+        who.modality,
+        modality=who.modality,
+        recurrent=0,
+        world=str(world),
+        world_hash="" if file is None else file.hash,
+        policy=who.digest,
+    )
     meaning.observer()
     part = PolicyPart(name=name or who.name, digest=who.digest, modality=who.modality, train_seed=who.train_seed)
     acts = own_player(who, config)

@@ -82,9 +82,16 @@ def diagnose(call: Call, out: Path, overwrite: bool = False) -> None:
 
     inputs = (*model_files(call.model), *call.recordings, *call.validate, *call.baseline)
     with stages(call.output.quiet) as say:
-        shown: dict[str, Any] = {"say": say, "likely": lambda proposal: say.keep(likely(proposal))}
-        shown |= {"reading": reading_bars(call.output.quiet), "part": Path(f"{out.resolve()}.part")}
-        result = call.saved(out, overwrite, "diagnosis", inputs, **shown)
+        result = call.saved(
+            out,
+            overwrite,
+            "diagnosis",
+            inputs,
+            say=say,
+            likely=lambda proposal: say.keep(likely(proposal)),
+            reading=reading_bars(call.output.quiet),
+            part=Path(f"{out.resolve()}.part"),
+        )
     call.give(result, *written_lines(result.record, out))
 
 

@@ -129,9 +129,14 @@ class Stage:
         self.sim = TaskSimulation(file.world, self.config, ROWS, "state")
         self.task = contract_of(self.config)
         self.expert = self.task.expert(self.config, ROWS)
-        make: Any = {"backend": plan.backend, "shadows": bool(file.renderer.get("shadows", False))}
-        make |= {"labels": plan.labels, "moving": moving(self.seen)}
-        self.renderer = Renderer(self.scene, layout.cameras, **make)
+        self.renderer = Renderer(
+            self.scene,
+            layout.cameras,
+            plan.backend,
+            labels=plan.labels,
+            shadows=bool(file.renderer.get("shadows", False)),
+            moving=moving(self.seen),
+        )
         self.matcher = Matcher(self.renderer, self.scene, plan.backend)
 
     # Physics --------------------------------------------------------------------------------------------------
@@ -213,8 +218,7 @@ class Stage:
         """Render a look without sensor effects, which are applied later."""
         view_seed = look_seed(seed, look)
         cell = moments[0].cell  # the state in which `redraw` judges each look
-        where = {"qpos": cell.qpos, "bodies": cell.bodies}
-        world, refused = redraw(self.seen, self.scene, self.renderer, view_seed, **where)
+        world, refused = redraw(self.seen, self.scene, self.renderer, view_seed, qpos=cell.qpos, bodies=cell.bodies)
         self.matcher.begin(world, cell.bodies)
         shots, matched, pos, axes = [], [], [], []
         sites = [self.renderer.model.site(name).id for name in (self.scene.goal, self.scene.tip_site)]

@@ -62,14 +62,17 @@ def environment(job: Job, render_mode: str | None = None) -> Any:
         for old in _kept.values():
             old.close()
         _kept.clear()
-        options: Any = {
-            "obs_mode": obs_mode,
-            "render_mode": render_mode,
-            "autoreset_mode": "Disabled",
-            "dump": job.dump,
-        }
-        options["privileged"] = True  # for policies that are teachers; `own.Own` hides it from a user's own
-        _kept[key] = TaskVec(job.rows, world=job.world, measured=who.measured, **options, **who.task)
+        _kept[key] = TaskVec(
+            job.rows,
+            job.world,
+            obs_mode,
+            privileged=True,  # for policies that are teachers; `own.Own` hides it from a user's own
+            measured=who.measured,
+            render_mode=render_mode,
+            autoreset_mode="Disabled",
+            dump=job.dump,
+            **who.task,
+        )
     return _kept[key]
 
 

@@ -182,8 +182,8 @@ class Evidence(Freedom):
             steps = np.array([self.step_of(items[0].segment.control.mode, w) for w in worlds])
             for step in np.unique(steps):
                 rows = np.flatnonzero(steps == step).tolist()
-                alike, options = [worlds[r] for r in rows], {"h_max": float(step), "nthread": nthread, "along": True}
-                responses = simulate(items[0].robot, alike, [i.segment for i in items], **options)
+                alike, segments = [worlds[r] for r in rows], [i.segment for i in items]
+                responses = simulate(items[0].robot, alike, segments, h_max=float(step), nthread=nthread, along=True)
                 for i, item, response in zip(group, items, responses, strict=True):
                     predicted = [self.predicted(c, item, response, alike) for c in item.channels]
                     out[i][rows] = np.concatenate(predicted, axis=2)

@@ -30,8 +30,17 @@ def maker(
         from vispeg.task.environments.vector import TaskVec
 
         merged = {"stack": 1, **settings} if sac.recurrent else dict(settings)
-        options: Any = {"autoreset_mode": AutoresetMode.DISABLED, "nthread": threads, "engine": engine, "dump": dump}
-        return TaskVec(rows, world, senses.obs_mode, privileged=True, **options, **merged)
+        return TaskVec(
+            rows,
+            world,
+            senses.obs_mode,
+            privileged=True,
+            autoreset_mode=AutoresetMode.DISABLED,
+            nthread=threads,
+            engine=engine,
+            dump=dump,
+            **merged,
+        )
 
     return make
 

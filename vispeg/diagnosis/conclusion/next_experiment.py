@@ -121,8 +121,9 @@ class _Menu:
             for m in self.motions.values()
         ]  # fmt: skip
         out = {}
-        options = {"h_max": self.evidence.step_of(self.control.mode, a, b), "nthread": self.evidence.nthread}
-        for name, response in zip(self.motions, simulate(self.item.robot, [a, b], segments, **options), strict=True):
+        h_max, nthread = self.evidence.step_of(self.control.mode, a, b), self.evidence.nthread
+        responses = simulate(self.item.robot, [a, b], segments, h_max=h_max, nthread=nthread)
+        for name, response in zip(self.motions, responses, strict=True):
             gap = (response.q[0] - response.q[1]) / self.item.sigma[: self.item.nj]
             sigma = float(np.sqrt(np.sum(gap**2))) if np.isfinite(gap).all() else 0.0
             out[name] = sigma, response.q[0], response.q[1]

@@ -125,8 +125,8 @@ def finetune(
         teacher(env.env)  # refuse an unfit teacher before anything is played
         shown = None
         if dataset is not None:  # likewise an unfit folder
-            options: Any = {"config": getattr(env.env, "config", None), "say": say}
-            shown = from_folder(dataset, policy.modality, actor.layout, seed, actor.device, **options)
+            made = getattr(env.env, "config", None)
+            shown = from_folder(dataset, policy.modality, actor.layout, seed, actor.device, config=made, say=say)
         before = _success(policy, env, settings.episodes)
         say(f"before: {before:.0%} of {settings.episodes} episodes in the target world")
         rings: list[tuple[Replay, float]] = []  # with their shares of each batch

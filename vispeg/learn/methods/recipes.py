@@ -55,11 +55,15 @@ def distilled(
     if config.dataset is not None:
         if settings.looks > 1:
             raise UserError("the looks of a dataset are fixed", key="looks", expected=1, got=settings.looks)
-        options: Any = {
-            "config": getattr(run.env.env, "config", None),
-            "say": lambda text: print(text, file=sys.stderr) if show else None,
-        }
-        demonstrated = from_folder(config.dataset, modality, actor.layout, config.seed, actor.device, **options)
+        demonstrated = from_folder(
+            config.dataset,
+            modality,
+            actor.layout,
+            config.seed,
+            actor.device,
+            config=getattr(run.env.env, "config", None),
+            say=lambda text: print(text, file=sys.stderr) if show else None,
+        )
     else:
         if config.recipe == "distill+sac" and settings.betas[0] < 1:
             # labels are the actions of its transitions only where nobody but the teacher acts

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from vispeg.core.effect import effect
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
-from vispeg.render.backends.backend import Renderer, Shot
+from vispeg.render.backends.backend import BackendName, Renderer, Shot
 from vispeg.render.block_matching import Matcher
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.pipeline import Pipeline
@@ -57,7 +56,7 @@ class CameraRig:
         kinds: Sequence[ImageKind] = (RGB, DEPTH),
         period: float = 0.16,
         outside: Camera | None = None,
-        backend: str = "auto",
+        backend: BackendName = "auto",
         shadows: bool = False,
         look_seed: Callable[[int], int] | None = None,
     ):
@@ -82,8 +81,7 @@ class CameraRig:
                 self._delivered[key_of(kind, c.name)] = np.zeros((rows, *kind.shape(c.height, c.width)), kind.dtype)
 
     def _renderer(self, cameras: Sequence[Camera]) -> Renderer:
-        how: Any = {"backend": self.backend, "shadows": self.shadows, "moving": moving(self.world)}
-        return Renderer(self.scene, cameras, **how)
+        return Renderer(self.scene, cameras, self.backend, shadows=self.shadows, moving=moving(self.world))
 
     def begin(
         self,
@@ -102,8 +100,15 @@ class CameraRig:
             return
         for row, snapshot in snapshots.items():
             self._seeds[row] = self._seed_of(seeds[row])
-            seed, state = int(self._seeds[row]), {"qpos": snapshot.qpos, "bodies": snapshot.bodies}
-            world, refused = redraw(self.world, self.scene, self._renderers[row], seed, levels, **state)
+            world, refused = redraw(
+                self.world,
+                self.scene,
+                self._renderers[row],
+                int(self._seeds[row]),
+                levels,
+                qpos=snapshot.qpos,
+                bodies=snapshot.bodies,
+            )
             self.drawn[row], self.redrawn = world, self.redrawn + refused
             self._matchers[row].begin(world, snapshot.bodies)
         for pipeline in self._pipelines.values():

@@ -93,8 +93,8 @@ def looks(kind: Effect, where: str | None, scene: Any) -> tuple[EffectInstance, 
     shown = ["external", where if where in by_name and where != "external" else "wrist_wide"]
     cameras = [resized(by_name[name], SIZE) for name in shown]
     out = []
-    how: Any = {"shadows": kind.name == "shadows", "moving": moving(World(effects=(placed,)))}
-    with Renderer(scene, cameras, **how) as renderer:
+    shadows, moves = kind.name == "shadows", moving(World(effects=(placed,)))
+    with Renderer(scene, cameras, shadows=shadows, moving=moves) as renderer:
         posture = home(scene)
         qpos = np.concatenate([posture, np.zeros(renderer.model.nq - len(posture))])
         qvel = np.append(SPEED, np.zeros(renderer.model.nv - 1))
@@ -116,8 +116,8 @@ def _seen(shot: Shot, truth: np.ndarray, camera: Camera, world: World) -> Seen:
     """
     rgb, velocity = shot.rgb[None].astype(np.float32) / 255, shot.velocity[None]
     bodies, twists = (None if a is None else a[None] for a in (shot.bodies, shot.twists))
-    of_motion = {"velocity": velocity, "bodies": bodies, "twists": twists}
-    frame = Frame(rgb, shot.depth[None], camera.K[None], truth=truth[None], **of_motion)
+    K, depth = camera.K[None], shot.depth[None]
+    frame = Frame(rgb, depth, K, truth=truth[None], velocity=velocity, bodies=bodies, twists=twists)
     out = Pipeline([world], camera.name).run(frame, [stream(0, "look", camera.name)])
     assert out.rgb is not None and out.depth is not None  # the frame had both
     colour = np.round(255 * np.clip(out.rgb[0], 0, 1)).astype(np.uint8)
