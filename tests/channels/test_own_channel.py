@@ -17,6 +17,7 @@ from vispeg.channels.signal import SignalChannel
 from vispeg.cli.main import main
 from vispeg.core.effect import REGISTRY, EffectInstance
 from vispeg.core.errors import UserError
+from vispeg.diagnosis.beginning import ANEW
 from vispeg.identify.excitation import motion
 from vispeg.identify.record import centre_of, controller, record
 from vispeg.recordings.importers.mapping import read_map
@@ -135,6 +136,14 @@ def test_diagnosis_names_what_was_hidden_by_the_signal_alone(sides, tmp_path):
     assert "A RMS" in page and "signal residual" in page
     again = vispeg.compare(out / "model.yaml", [sides[1]], channels=["current"])
     assert again.error == pytest.approx(said["ladder"][-1]["heldout_error"], rel=1e-9), "command and comparison agree"
+
+
+def test_a_partial_effect_is_fitted_anew_by_the_signal_alone(sides):
+    wrong = replace(HIDDEN.with_values(torque=1.0), partial=True)
+    found = vispeg.diagnose(World("iiwa14").add(wrong), sides[0], sides[1], channels="current")
+    (torque,) = (e.params["torque"] for e in found.effects)
+    assert torque.low < 1.5 < torque.high and found.verdict == "identified"
+    assert [rung["model"] for rung in found.record["ladder"]] == ["nominal", ANEW]
 
 
 def test_joints_propose_the_next_motion_also_beside_another_channel(tmp_path):

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from vispeg.diagnosis.beginning import opened
 from vispeg.diagnosis.compare import Comparison
 from vispeg.diagnosis.conclusion.shares import shares
 from vispeg.diagnosis.conclusion.verdict import decide
@@ -83,8 +84,9 @@ def concluded(
     Returns:
         the diagnosis with the record's entries that every evidence has, and the last state of the search.
     """
-    evidence, judged, n_fixed = search.evidence, search.judged, len(world.effects)
-    state = search.run(world)
+    evidence, judged, begin = search.evidence, search.judged, opened(world)
+    world, n_fixed = begin.world, begin.n_given
+    state = search.run(world, n_fixed)
     final = search.finish(state, n_fixed)
     search.say("what else would do as well")
     rivals = search.rivals(state, n_fixed)

@@ -55,7 +55,7 @@ class BorderSearch(PictureSearch):
 
         None if there is none. The trials are those of the first step, which each add one effect to the user's model.
         """
-        if len(state.world.effects) - n_fixed < 2:
+        if len(state.world.effects) - n_fixed < 2 or not state.steps:
             return None
         trials, base = state.steps[0][1], replace(state.world, effects=state.world.effects[:n_fixed])
         alone = [t for t in trials if not t.rejected and present(t.fit, -1) and equal(self.judge, t.loss, state.loss)]

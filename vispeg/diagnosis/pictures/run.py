@@ -7,8 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from vispeg.core.effect import REGISTRY
 from vispeg.core.errors import UserError
 from vispeg.core.rules import RULES
+from vispeg.diagnosis.beginning import opened
 from vispeg.diagnosis.conclusion.shares import Share, by_label, each_left_out
 from vispeg.diagnosis.findings import Rivals
 from vispeg.diagnosis.pictures.borders import BorderSearch
@@ -74,9 +76,11 @@ def diagnose_pictures(
     say("aligning the predicted borders with the pictures")
     progress = Progress() if progress is None else progress
     borders = border_evidence(scene, mine, theirs, world, recall=progress.recall)
-    search, n_fixed = BorderSearch(*borders, say, progress), len(world.effects)
+    search = BorderSearch(*borders, say, progress)
+    begin = opened(world, {name for name, kind in REGISTRY.items() if "border" in kind.channels()})
+    world, n_fixed = begin.world, begin.n_given
     say("fitting what moves the borders")
-    state = search.run(world)
+    state = search.run(world, n_fixed)
     if any(e.effect not in (*FREED, *borders[0].freed) for e in state.world.effects[n_fixed:]):
         borders = border_evidence(scene, mine, theirs, state.world, recall=progress.recall)
         search, state = _seen_anew(search, state, borders, n_fixed)

@@ -75,9 +75,14 @@ class PlainSearch(Loop, Shown):
         return [at for at in places if at not in have]
 
     def start(self, world: World, n_fixed: int | None = None) -> State:
-        """Return the initial state of a search for what `world` lacks."""
+        """Return the state at which a search begins; effects of `world` after the first `n_fixed` are refitted."""
         loss = self.judge.losses([world])[0]
-        return State(world, loss, self.evidence.residuals([world])[0], first=self.judge.mean(loss))
+        state = State(world, loss, self.evidence.residuals([world])[0], first=self.judge.mean(loss))
+        if n_fixed is not None and n_fixed < len(world.effects):
+            (fit,) = self.fits([world], n_fixed)
+            state.take(fit, self.judge.losses([fit.world])[0])
+            state.opened = fit.world
+        return state
 
     def offers(self, state: State, n_fixed: int) -> list[Trial]:
         """Return the trials of `step`."""
