@@ -60,9 +60,9 @@ def _put_in(search: Searching, state: State, rival: Trial, label: str, n_fixed: 
 def _better(search: Searching, state: State, rival: Trial, label: str) -> bool:
     """Return whether a rival should replace the effect `label`: it is better, or likelier a priori and no worse.
 
-    One that was replaced before should not: the search would never end.
+    Neither of the two was replaced before: the search would never end.
     """
-    if rival.score.placed.label in state.replaced:
+    if not state.replaced.isdisjoint({rival.score.placed.label, label}):
         return False
     (accepted,) = [e for e in state.world.effects if e.label == label]
     least = 0.0 if prior(rival.score.placed, accepted) < 1.0 else RULES.exchange

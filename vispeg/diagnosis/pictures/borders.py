@@ -39,8 +39,9 @@ class BorderSearch(PictureSearch):
             return False
         self.take(state, *better, n_fixed)
         self._prune(state, n_fixed)
-        state.replaced |= {e.label for e in before} - {e.label for e in state.world.effects}
-        return True
+        gone = {e.label for e in before} - {e.label for e in state.world.effects}
+        state.replaced |= gone
+        return bool(gone)
 
     def doubt(self, placed: EffectInstance, added: World, without: World, n_fixed: int) -> str:
         """Return why it must not be named, or "": others can replace it, or the two recordings disagree on it."""
@@ -55,9 +56,11 @@ class BorderSearch(PictureSearch):
 
         None if there is none. The trials are those of the first step, which each add one effect to the user's model.
         """
-        if len(state.world.effects) - n_fixed < 2 or not state.steps:
+        first = state.steps[0][1] if state.steps else []
+        trials = [t for t in first if len(t.fit.world.effects) == n_fixed + 1]  # none beside effects that are refitted
+        if len(state.world.effects) - n_fixed < 2 or not trials:
             return None
-        trials, base = state.steps[0][1], replace(state.world, effects=state.world.effects[:n_fixed])
+        base = replace(state.world, effects=state.world.effects[:n_fixed])
         alone = [t for t in trials if not t.rejected and present(t.fit, -1) and equal(self.judge, t.loss, state.loss)]
         alone = [t for t in alone if t.score.placed.label not in state.replaced]
         alone = [t for t in alone if not self.doubt(t.score.placed, t.fit.world, base, n_fixed)]
@@ -69,9 +72,9 @@ class BorderSearch(PictureSearch):
 
         Everything else is refitted. None if no replacement removes a share `exchange` of the held-out error.
         """
-        added = state.world.effects[n_fixed:]
+        added = [e for e in state.world.effects[n_fixed:] if e.label not in state.replaced]
         least, replacement = (1.0 - RULES.exchange) * float(state.loss.sum()), None
-        for placed in added if len(added) > 1 else ():
+        for placed in added if len(state.world.effects) - n_fixed > 1 else ():
             reduced = self._without(state, placed, n_fixed)
             places = [p for p in self.places(reduced.world) if p != (placed.effect, placed.where)]
             trials = self.questioned(reduced, self.step(reduced, n_fixed, places), n_fixed)
