@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from pages import plain
 
 from vispeg.api.gap import gap
 from vispeg.api.opened import load
@@ -106,7 +107,7 @@ def test_the_scripted_policy_succeeds_and_a_second_call_plays_nothing(vispeg, tm
     assert code == 0 and "100 %" in out, err
     told = "expert: 6 of 6: 61 to 100 %; to tell it within 5 points takes up to 366 episodes"
     assert told in out and told in json.loads((tmp_path / "ev" / "evaluate.json").read_text())["notes"]
-    page = (tmp_path / "ev" / "evaluate.html").read_text()  # an evaluation is not a gap
+    page = plain((tmp_path / "ev" / "evaluate.html").read_text())  # an evaluation is not a gap
     assert "6 of 6 succeed, so 61 to 100 %</h1>" in page and told in page
     assert "fewer than three training seeds" not in page, "nobody trained the scripted policy"
     assert "<title>vispeg evaluate</title>" in page and "transfer gap" not in page

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pages import plain
 
 from vispeg.cli.usage import parsed
 from vispeg.core.effect import REGISTRY, Effect
@@ -73,7 +74,7 @@ def test_values_have_the_prefix_that_suits_them():
 
 
 def test_the_page_says_what_where_and_how_large_before_anything_else(run, diagnosis):
-    html = render(load_record(run(diagnosis())))
+    html = plain(render(load_record(run(diagnosis()))))
     order = re.findall(r'<section id="(\w+)"', html)
     assert order[:3] == ["headline", "found", "where_it_fails"]
     for sections in (DIAGNOSIS, COMPARE):

@@ -6,13 +6,14 @@ import subprocess
 import browser
 import numpy as np
 import pytest
+from pages import plain
 
 from vispeg.evaluation.gap import gap
 from vispeg.report.build import render as report
 from vispeg.report.drawings import palette
 from vispeg.report.drawings.figures import NARROW, WIDE
 from vispeg.report.gap.build import render as gap_page
-from vispeg.report.page import source, templates
+from vispeg.report.page import source, templates, unbroken
 from vispeg.report.record import load_record
 
 from .conftest import example_diagnosis, example_evidence, written
@@ -49,6 +50,22 @@ def test_type_is_12_px_high_wherever_a_figure_is_shown(pages):
             sizes = [float(s) * scale for s in re.findall(r"font(?:-size)?: (?:[\w]+ )?([\d.]+)px", body)]
             assert sizes and min(sizes) >= 12, (kind, min(sizes))
     assert WIDE.width > NARROW.width
+
+
+def test_no_line_ends_between_a_number_and_its_unit(pages):
+    """In the text of a page; data, drawings and commands stay as they are."""
+    for html in pages.values():
+        text = re.sub(r"<(script|style|svg|pre|code)\b.*?</\1>", "", html, flags=re.S)
+        assert not re.findall(r">[^<]*\d (?:[mµ]?rad|N|mm|m|s|kg|%|×)(?:\W[^<]*)?<", text)
+        assert re.search("\\d\N{NO-BREAK SPACE}(?:[mµ]?rad|%)", text)
+    said = "<p>from 30.2 mrad RMS, 7.1 × of 5 N m s/rad; 3 more, 2 metres</p><code>5 m</code><script>'5 m'</script>"
+    joined = unbroken(said)
+    assert plain(joined) == said and unbroken(joined) == joined
+    assert [part for part in re.split("[ >]", joined) if "\N{NO-BREAK SPACE}" in part] == [
+        "30.2\N{NO-BREAK SPACE}mrad\N{NO-BREAK SPACE}RMS,",
+        "7.1\N{NO-BREAK SPACE}×",
+        "5\N{NO-BREAK SPACE}N\N{NO-BREAK SPACE}m\N{NO-BREAK SPACE}s/rad;",
+    ]
 
 
 def test_every_colour_of_a_figure_has_its_colour_of_the_night(pages):

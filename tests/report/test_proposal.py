@@ -1,5 +1,7 @@
 """What torques call for, in the terminal and on the page."""
 
+from pages import plain
+
 from vispeg.report.build import write_report
 from vispeg.report.text.proposal import likely
 
@@ -30,7 +32,7 @@ def test_the_page_tells_what_of_it_was_confirmed(run, diagnosis):
     other = {**FRICTION, "where": "joint7", "equals": []}
     record = diagnosis() | {"proposal": proposed(FRICTION, other)}
     folder = run(record)
-    text = write_report(folder, overwrite=True).read_text()
+    text = plain(write_report(folder, overwrite=True).read_text())
     part = text[text.rindex("First proposal") :]
     part = part[part.index("<table") :]
     first, second = part.split("<tr>")[2:4]

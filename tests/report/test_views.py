@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from pages import plain
 
 from vispeg.report.build import render
 from vispeg.report.evidence import Evidence
@@ -45,7 +46,7 @@ def test_the_page_shows_frames_depth_and_the_projection():
         "measured", "as believed", "as found", "off, as believed", "off, as found",
     ]  # fmt: skip
     assert len(values["rows"][0]["depth"]) == 5 and values["maps"][0]["svg"].startswith("<svg")
-    text = render(record())
+    text = plain(render(record()))
     for said in ("camera_delay(wrist): a typical one", "motion_blur(wrist), length: no figure", "exposure(wrist)."):
         assert said in text
     alike = (

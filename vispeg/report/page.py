@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -13,6 +14,12 @@ from vispeg.report.drawings.palette import css
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+
+LITERAL = "script|style|svg|pre|code|textarea"  # elements whose text stays as it is
+TEXT = re.compile(rf"<({LITERAL})\b.*?</\1>|>[^<]+", re.DOTALL)
+UNIT = r"[mµk]?(?:rad|N|m|s|g|Hz|px|A|J|W|Pa)[²³]?(?:/(?:rad|kg|m|s)[²³]?)*"
+QUANTITY = re.compile(rf"(?<=\d)(?: (?:{UNIT}|RMS|%|[×÷]|min|h))+(?!\w)")
+NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
 @dataclass(frozen=True)
@@ -48,12 +55,21 @@ def page(title: str, kind: str, sections: Sequence[Section]) -> str:
     made = []
     for section in sections:
         html = templates().get_template(f"{section.template}.html.j2").render(section.values)
-        made.append({"name": section.name, "title": section.title, "html": Markup(html)})
+        made.append({"name": section.name, "title": section.title, "html": Markup(unbroken(html))})
     scripts = [Markup(source(name)) for name in dict.fromkeys(n for s in sections for n in s.scripts)]
     styles = [Markup(source(name)) for name in dict.fromkeys(n for s in sections for n in s.styles)]
     values = {"sections": made, "title": title, "kind": kind, "version": __version__, "palette": Markup(css())}
     values |= {"scripts": scripts, "styles": styles}
     return templates().get_template("report.html.j2").render(values) + "\n"
+
+
+def unbroken(html: str) -> str:
+    """Return HTML in whose text no line ends between a number and its unit, as in `30.2 mrad RMS` and `7.1 ×`."""
+
+    def joined(text: re.Match[str]) -> str:
+        return text[0] if text[1] else QUANTITY.sub(lambda unit: unit[0].replace(" ", NO_BREAK), text[0])
+
+    return TEXT.sub(joined, html)
 
 
 @cache
