@@ -81,16 +81,25 @@ def installed() -> list[str]:
 
 def page(name: str, below: Mapping[str, str]) -> str:
     """Return the help text of a command with sub-commands, from the first line of each."""
-    from vispeg.cli.help import WIDEST, wrapped
+    from vispeg.cli.help import wrapped
 
-    columns = min(shutil.get_terminal_size().columns, WIDEST)
-    width = max(map(len, below))
-    rows = (
-        textwrap.fill(f"{each:<{width}}  {line}", columns, initial_indent="  ", subsequent_indent=" " * (width + 4))
-        for each, line in below.items()
-    )
-    usage = f"usage: vispeg {name} COMMAND [ARGUMENTS]"
+    columns = _columns()
+    usage = wrapped(f"usage: vispeg {name} COMMAND [ARGUMENTS]", columns)
+    rows = _listed(below, max(map(len, below)), columns)
     return "\n\n".join((usage, wrapped(doc(COMMANDS[name]), columns), "\n".join(("commands:", *rows))))
+
+
+def _columns() -> int:
+    from vispeg.cli.help import WIDEST
+
+    return min(shutil.get_terminal_size().columns, WIDEST)
+
+
+def _listed(lines: Mapping[str, str], width: int, columns: int) -> list[str]:
+    """Return names, padded to `width`, and what each does, wrapped to `columns` beside the name."""
+    below = " " * (width + 4)
+    texts = (f"{name:<{width}}  {line}" for name, line in lines.items())
+    return [textwrap.fill(text, columns, initial_indent="  ", subsequent_indent=below) for text in texts]
 
 
 def _source(place: str) -> Path | None:
@@ -114,10 +123,13 @@ def doc(place: str) -> str:
 
 def overview() -> str:
     """Return the text of `vispeg --help`."""
+    from vispeg.cli.help import wrapped
+
+    columns = _columns()
     lines = {name: doc(COMMANDS[name]).partition("\n")[0] for name in installed()}
     width = max(map(len, lines), default=0)
     blocks = []
     for title, names in SECTIONS.items():
-        rows = [f"  {name:<{width}}  {lines[name]}" for name in names if name in lines]
+        rows = _listed({name: lines[name] for name in names if name in lines}, width, columns)
         blocks += ["\n".join((f"{title}:", *rows))] if rows else []
-    return "\n\n".join((HEAD, *blocks, FOOT))
+    return "\n\n".join((wrapped(HEAD, columns), *blocks, wrapped(FOOT, columns)))
