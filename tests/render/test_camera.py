@@ -171,6 +171,13 @@ def test_what_no_camera_can_be_is_said_in_one_line(changes, said):
     [
         ("format: vispeg-camera/2\n", "unknown format"),
         ("- 1\n", "not a camera file"),
+        ("fl_x: 900.0\n", "not a camera file; expected 'format: vispeg-camera/1'"),
+        (
+            "cam0:\n  camera_model: pinhole\n  intrinsics: [9.0, 9.0, 4.0, 3.0]\n  resolution: [8, 6]\n",
+            "Kalibr; .*vispeg-camera/1.*intrinsics are fx, fy, cx, cy",
+        ),
+        ("# Camera list\n1 OPENCV 1280 720 900.5 9e2 640 360 0.1 -0.2 0 0\n", "COLMAP; .*fx, fy, .*less 0.5"),
+        ("3 SIMPLE_PINHOLE 8 6 9 4 3\n4 PINHOLE 8 6 9 9 4 3\n", "COLMAP; .*vispeg-camera/1"),
         ("a: [\n", "not YAML"),
         ("format: vispeg-camera/1\nname: a\nwidth: 64\n", "height: is missing"),
         ("format: vispeg-camera/1\nname: a\nwdith: 64\n", "did you mean 'width'"),

@@ -102,14 +102,21 @@ def read_text(path: str | Path, most: int = MB) -> str:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise UserError(f"is not UTF-8 text (byte {error.start})", file=path, expected=recoded(path)) from None
+        raise UserError(
+            f"is not UTF-8 text (byte {error.start})", file=path, expected=recoded(path, data=data)
+        ) from None
     if not text.strip():
         raise UserError("is empty", file=path)
     return text
 
 
-def recoded(path: str | Path, encoding: str = "CP1252") -> str:
-    """Say how a text file becomes UTF-8, by default one in the encoding of Western European Windows programs."""
+def recoded(path: str | Path, encoding: str = "CP1252", data: bytes = b"") -> str:
+    """Say how a text file becomes UTF-8, by default one in the encoding of Western European Windows programs.
+
+    With a zero byte in `data`, of its content, it is no text.
+    """
+    if b"\0" in data:
+        return "text"
     name = shlex.quote(Path(path).name)
     return f"UTF-8: iconv -f {encoding} -t UTF-8 {name} > NEW" + (", if it is Latin-1" if encoding == "CP1252" else "")
 

@@ -289,7 +289,7 @@ def _line(stream: BinaryIO, file: Path, number: int) -> str:
         return line.decode()
     except UnicodeDecodeError as error:
         where = f"line {number + 1}, byte {error.start}"
-        raise UserError(f"is not UTF-8 text ({where})", file=file, expected=recoded(file)) from error
+        raise UserError(f"is not UTF-8 text ({where})", file=file, expected=recoded(file, data=line)) from error
 
 
 def _refuse_dialect(head: str, second: str, dialect: Dialect, file: Path) -> None:

@@ -7,6 +7,7 @@ the base frame, with the base's axes), or that of another camera.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -27,6 +28,14 @@ CAMERAS = Format(FORMAT, "a camera file")
 Style = Literal["vispeg", "opencv", "ros"]
 REQUIRED = FIELDS[:7]  # name, size and pinhole
 POSE = FIELDS[-3:]  # parent, pos, quat
+# Other programs' files, and what in them is which number here. Their distortion is OpenCV's. The middle of the first
+# pixel is at (0, 0) here and in OpenCV, at (0.5, 0.5) in COLMAP.
+AS_OURS = f"its numbers in a file with `format: {FORMAT}`"
+KALIBR = (
+    f"{AS_OURS}: intrinsics are fx, fy, cx, cy, resolution width, height, distortion_coeffs of radtan k1, k2, p1, p2"
+)
+COLMAP = f"{AS_OURS}: WIDTH, HEIGHT, and of OPENCV fx, fy, cx, cy, k1, k2, p1, p2; less 0.5 for cx and cy"
+COLMAP_LINE = re.compile(r"^\d+ [A-Z_]+ \d+ \d+( [-+.\de]+)+\s*$", re.MULTILINE)
 
 
 def _example(style: Style) -> Callable[[Path], Path]:
@@ -77,9 +86,11 @@ def load_posed(path: str | Path) -> tuple[tuple[Camera, bool], ...]:
         text = text.partition("\n")[2].replace("!!opencv-matrix", "")
     record = parse_yaml(text, path)
     if not isinstance(record, dict):
-        raise UserError("is not a camera file", file=path, expected=f"'format: {FORMAT}', OpenCV's or ROS's YAML")
+        raise _unread(text, record, path)
     if opencv or "camera_matrix" in record:
         return ((_from_matrix(record, path), False),)
+    if "format" not in record:
+        raise _unread(text, record, path)
     content = CAMERAS.open(record, path)
     many = content["cameras"] if "cameras" in content else [content]
     if not isinstance(many, list) or not many:
@@ -89,6 +100,16 @@ def load_posed(path: str | Path) -> tuple[tuple[Camera, bool], ...]:
     if len(set(names)) < len(names):
         raise UserError("two cameras of one name", file=path, key="cameras", got=names)
     return cameras
+
+
+def _unread(text: str, record: Any, path: str | Path) -> UserError:
+    """Return the error for a file in none of the formats, with a hint for those of Kalibr and COLMAP."""
+    each = record.values() if isinstance(record, Mapping) else ()
+    if any(isinstance(one, Mapping) and {"camera_model", "intrinsics"} <= one.keys() for one in each):
+        return UserError("is a camera chain of Kalibr", file=path, expected=KALIBR)
+    if COLMAP_LINE.search(text):
+        return UserError("is a list of cameras of COLMAP", file=path, expected=COLMAP)
+    return UserError("is not a camera file", file=path, expected=f"'format: {FORMAT}', OpenCV's or ROS's YAML")
 
 
 def load_camera(path: str | Path, places: Mapping[str, Camera] | None = None, name: str | None = None) -> Camera:
