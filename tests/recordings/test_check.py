@@ -318,7 +318,7 @@ def test_what_a_motion_needs_is_mujoco_s_inverse_dynamics_in_the_order_of_the_lo
     """In blocks, of which the last is shorter."""
     rec = moving(50, joints=("joint3", "joint1", "joint2"))
     robot = load_for(rec.joints, rec.robot)
-    monkeypatch.setattr("vispeg.sim.inverse_dynamics.ARMS", 20)
+    monkeypatch.setattr("vispeg.sim.inverse_dynamics.BATCH", 20)
     motion = np.random.default_rng(0).normal(size=(3, 50, 3))
     model = robot.compile()
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT

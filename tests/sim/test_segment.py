@@ -150,7 +150,7 @@ def test_what_follows_from_the_posture_is_the_same_however_many_are_simulated_at
     """Gravity, its slope and inertia along a motion, bit for bit; the memory of a long one is that of a short one."""
     robot, (s,) = load("iiwa14"), segments(recording())
     whole = [get(s, robot) for get in (gravity, gravity_slope, inertia)] + [flange_pose(robot, s.q)]
-    monkeypatch.setattr(compiled, "ARMS", 7)
+    monkeypatch.setattr(compiled, "BATCH", 7)
     monkeypatch.setattr(compiled, "nominal_of", few := counted(compiled.nominal_of))
     some = [get(s, robot) for get in (gravity, gravity_slope, inertia)] + [flange_pose(robot, s.q)]
     for a, b in zip(whole, some, strict=True):

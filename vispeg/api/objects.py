@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +12,7 @@ import numpy as np
 from vispeg.channels.channel import CHANNELS, How
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import Provenance, digest, here
+from vispeg.core.several import several
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.recordings.objects import ObjectRecording, load_object_recording
@@ -19,8 +20,6 @@ from vispeg.robots.objects import is_object, load_object
 from vispeg.sim.placement import activate
 from vispeg.worlds.model_file import load_model, model_text
 from vispeg.worlds.world import World
-
-Toss = ObjectRecording | str | Path
 
 
 def object_world(model: World | str | Path) -> World | None:
@@ -50,7 +49,7 @@ def diagnose_tosses(
     seed: int,
     threads: int,
     say: Callable[[str], None],
-    part: Path | None = None,
+    part: Path | None,
 ) -> Tosses:
     """Name the effects that an object's contact lacks.
 
@@ -59,7 +58,7 @@ def diagnose_tosses(
     Raises:
         UserError: no recordings, one on both sides, of another object, or effects that have no place on it.
     """
-    fit, judge = (_several(sources) for sources in (recordings, validate))
+    fit, judge = several(recordings), several(validate)
     for key, sources in (("--recording", fit), ("--validate", judge)):
         if not sources:
             raise UserError("no recording given", key=key, expected="at least one folder of an object's tosses")
@@ -84,11 +83,9 @@ def diagnose_tosses(
     return Tosses(result, (world.robot, *(p for p in paths if p.exists())), stamp, progress)
 
 
-def _several(sources: object) -> list[Toss]:
-    if isinstance(sources, ObjectRecording | str | Path):
-        return [sources]
-    return [*sources] if isinstance(sources, Sequence) else []
-
-
-def _read(source: Toss) -> ObjectRecording:
-    return source if isinstance(source, ObjectRecording) else load_object_recording(source)
+def _read(source: object) -> ObjectRecording:
+    if isinstance(source, str | Path):
+        return load_object_recording(source)
+    if isinstance(source, ObjectRecording):
+        return source
+    raise UserError("no recording of an object", expected="a folder of its tosses", got=type(source).__name__)

@@ -1,4 +1,7 @@
-"""`vispeg plan`: estimate the transfer to expect for a world's task on a real robot."""
+"""`vispeg plan`: estimate the transfer to expect for a world's task on a real robot.
+
+The article is the guide for practitioners that docs/sources.md names.
+"""
 
 from __future__ import annotations
 

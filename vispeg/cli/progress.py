@@ -118,7 +118,7 @@ def rendering(frames: int, quiet: bool = False) -> Iterator[tuple[Callable[[int,
 
 
 @contextmanager
-def checking(quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
+def checking(quiet: bool) -> Iterator[Callable[[int, int], None]]:
     """Show a bar of checked frames; yield `watch(frames, total)`, whose first call sets the total."""
     with ExitStack() as stack:
         advance: list[Callable[..., None]] = []
@@ -294,7 +294,7 @@ def progress_bar(title: str, size: int = 0, quiet: bool = False) -> Iterator[Cal
         yield lambda share: bar.update(task, completed=share)
 
 
-def reading_bars(quiet: bool = False) -> Callable[[Path], AbstractContextManager[Callable[[float], None]]]:
+def reading_bars(quiet: bool) -> Callable[[Path], AbstractContextManager[Callable[[float], None]]]:
     """Return a progress display for functions that read several recordings."""
     return lambda path: progress_bar(f"reading {path}", size_of(path), quiet)
 

@@ -76,7 +76,7 @@ def new_folder(
 
 @contextmanager
 def reserved(
-    path: str | Path, overwrite: bool = False, *, holds: str = "result", inputs: Iterable[str | Path | None] = ()
+    path: str | Path, overwrite: bool, *, holds: str, inputs: Iterable[str | Path | None] = ()
 ) -> Iterator[None]:
     """Reserve a folder's name for the body: long work that ends with `new_folder` with the same arguments.
 
@@ -185,7 +185,7 @@ def write_bytes_atomic(path: str | Path, data: bytes, *, overwrite: bool = False
     return Path(path)
 
 
-def write_files_atomic(files: Mapping[Path, bytes], *, overwrite: bool = False) -> None:
+def write_files_atomic(files: Mapping[Path, bytes], *, overwrite: bool) -> None:
     """Write several files, such as one and those to which it refers: all of them or, if one fails, none.
 
     Args:

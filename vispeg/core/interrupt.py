@@ -14,7 +14,7 @@ class Interrupted(KeyboardInterrupt):
         instead: arguments that resume, in place of the whole command line; empty to use `more`.
     """
 
-    def __init__(self, more: Sequence[str] = (), instead: Sequence[str] = ()):
+    def __init__(self, more: Sequence[str], instead: Sequence[str]):
         super().__init__("interrupted")
         self.more, self.instead = tuple(more), tuple(instead)
 

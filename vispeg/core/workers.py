@@ -16,7 +16,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 @contextmanager
 def pool_of(
-    count: int, tasks: int | None = None, initializer: Callable[..., None] | None = None, initargs: tuple[Any, ...] = ()
+    count: int, tasks: int | None, initializer: Callable[..., None] | None = None, initargs: tuple[Any, ...] = ()
 ) -> Iterator[ProcessPoolExecutor]:
     """Create a pool of worker processes, which always end with this process.
 

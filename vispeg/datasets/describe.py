@@ -11,7 +11,7 @@ from string import Formatter
 from typing import Any, TypedDict, TypeGuard, cast
 
 from vispeg.core.errors import UserError
-from vispeg.datasets.layout import COUNTED, NUMBERS, VERSION, Feature, Info, colour_of, depth_of, is_depth, pixel_shape
+from vispeg.datasets.layout import COUNTED, NUMBERS, Feature, Info, colour_of, depth_of, is_depth, pixel_shape
 from vispeg.formats.format import Format
 from vispeg.formats.guard import is_file
 from vispeg.formats.json_data import read_json
@@ -38,7 +38,7 @@ class Made(TypedDict, total=False):
     provenance: Mapping[str, object]
 
 
-def read_info(folder: Path, versions: Sequence[str] = (VERSION,)) -> Info:
+def read_info(folder: Path, versions: Sequence[str]) -> Info:
     """Read `meta/info.json`, which must be of one of these versions.
 
     Raises:

@@ -112,9 +112,7 @@ def scene_of(task: TaskConfig) -> Scene:
     return replace(registry.task_of(task).cell(task), cameras=task.cameras)
 
 
-def layout_of(
-    file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], labels: bool, deep: bool = True
-) -> Layout:
+def layout_of(file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], labels: bool, deep: bool) -> Layout:
     """Return the layout of a rendered frame, with or without segmentation and depth.
 
     Raises:

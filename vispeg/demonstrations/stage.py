@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from vispeg.demonstrations.sensing import ROWS as SENSOR_ROWS
 from vispeg.demonstrations.sensing import Clip, sense
 from vispeg.effects.common.images import FOLDER
 from vispeg.interface.terms import LIMIT, PRIVILEGED
-from vispeg.render.backends.backend import Renderer
+from vispeg.render.backends.backend import BackendName, Renderer
 from vispeg.render.block_matching import Matcher
 from vispeg.render.cameras.camera_files import to_record
 from vispeg.render.contrast import TRIES, redraw
@@ -91,12 +91,11 @@ def shard(plan: Plan, layout: Layout, wanted: Shard) -> Iterator[Episode]:
     stage = _stage(plan, layout)
     remaining, takes = wanted.frames, list[Take]()
     seeds = (plan.episode_seed(wanted.number, i) for i in count())
-    for seed, moments, record, physics in stage.play(seeds, math.ceil(remaining / plan.looks)):
-        used = moments[: math.ceil(remaining / plan.looks)]
+    for episode in stage.play(seeds, math.ceil(remaining / plan.looks)):
+        most = math.ceil(remaining / plan.looks)
         for look in range(plan.looks):
             if remaining:
-                cut = record is None or min(len(used), remaining) < len(moments)
-                takes.append(stage.take(seed, look, used[:remaining], None if cut else record, physics))
+                takes.append(stage.take(episode, look, min(most, remaining)))
                 remaining -= len(takes[-1].frames)
             if len(takes) == TAKES:
                 yield from stage.develop(takes)
@@ -132,7 +131,7 @@ class Stage:
         self.renderer = Renderer(
             self.scene,
             layout.cameras,
-            plan.backend,
+            cast("BackendName", plan.backend),  # a renderer refuses other words
             labels=plan.labels,
             shadows=bool(file.renderer.get("shadows", False)),
             moving=moving(self.seen),
@@ -140,13 +139,11 @@ class Stage:
         self.matcher = Matcher(self.renderer, self.scene, plan.backend)
 
     # Physics --------------------------------------------------------------------------------------------------
-    def play(
-        self, seeds: Iterable[int], wanted: int | None = None
-    ) -> list[tuple[int, list[Moment], EpisodeResult | None, World]]:
-        """Play the episodes of these seeds, ROWS at a time; return (seed, moments, record, drawn physics) of each.
+    def play(self, seeds: Iterable[int], wanted: int | None = None) -> list[Played]:
+        """Play the episodes of these seeds, ROWS at a time.
 
         With `wanted`, playing stops as soon as the first episodes, up to the first unfinished one, have that many
-        moments in all. An episode that was not played to its end has the record None.
+        moments in all.
         """
         todo, every, rows = iter(seeds), list[Played](), list[Played | None]([None] * ROWS)
         self._begin(rows, todo, every)
@@ -167,7 +164,7 @@ class Stage:
                 episode.moments[-1].values.update(after)
                 rows[i] = episode if record is None else None
             self._begin(rows, todo, every)
-        return [(e.seed, e.moments, e.record, e.physics) for e in every]
+        return every
 
     def _begin(self, rows: list[Played | None], todo: Iterator[int], every: list[Played]) -> None:
         """Begin the next episodes in the free rows; append them to `every`."""
@@ -206,17 +203,14 @@ class Stage:
         return Moment(sim.snapshot(row), values)
 
     # Pictures -------------------------------------------------------------------------------------------------
-    def draw(
-        self, seed: int, look: int, moments: Sequence[Moment], record: EpisodeResult | None, physics: World
-    ) -> Episode:
-        """Return one look of an episode, ready to be written; record None marks one that was cut before its end."""
-        return next(self.develop([self.take(seed, look, moments, record, physics)]))
+    def draw(self, episode: Played, look: int, most: int) -> Episode:
+        """Return one look of at most `most` moments of an episode, ready to be written."""
+        return next(self.develop([self.take(episode, look, most)]))
 
-    def take(
-        self, seed: int, look: int, moments: Sequence[Moment], record: EpisodeResult | None, physics: World
-    ) -> Take:
-        """Render a look without sensor effects, which are applied later."""
-        view_seed = look_seed(seed, look)
+    def take(self, episode: Played, look: int, most: int) -> Take:
+        """Render a look of at most `most` moments without sensor effects, which are applied later."""
+        view_seed, moments = look_seed(episode.seed, look), episode.moments[:most]
+        record = episode.record if len(moments) == len(episode.moments) else None  # None: cut before its end
         cell = moments[0].cell  # the state in which `redraw` judges each look
         world, refused = redraw(self.seen, self.scene, self.renderer, view_seed, qpos=cell.qpos, bodies=cell.bodies)
         self.matcher.begin(world, cell.bodies)
@@ -235,7 +229,7 @@ class Stage:
         frames = [m.values | {f"label.{self.scene.goal}": at[0]} for m, at in zip(moments, poses, strict=True)]
         about = {
             "task": self.task.title,
-            "seed": seed,
+            "seed": episode.seed,
             "look": look,
             "look_seed": view_seed,
             "redraws": refused,
@@ -244,7 +238,7 @@ class Stage:
             "success": record is not None and record["success"],
             "category": "cut" if record is None else record["category"],
             "peak_force": 0.0 if record is None else record["peak_force"],
-            "world": physics.values | world.values,
+            "world": episode.physics.values | world.values,
             "cameras": [to_record(c) for c in self.renderer.cameras],
         }
         clips = {}

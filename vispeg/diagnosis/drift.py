@@ -65,7 +65,7 @@ def named(world: World) -> list[int]:
     ]
 
 
-def drifts(world: World, recordings: Sequence[Recording], threads: int = 1) -> list[Drift]:
+def drifts(world: World, recordings: Sequence[Recording], threads: int) -> list[Drift]:
     """Fit the identified effects of an arm's model to each recording, and compare the values with the model's.
 
     A value without an interval, in the model or in one of the fits, is left out.

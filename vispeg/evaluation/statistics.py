@@ -678,7 +678,7 @@ def pairs_needed(difference: float, discordant: float, alpha: float = ALPHA) -> 
     return high
 
 
-def exact_power(n: int, difference: float, discordant: float, alpha: float = ALPHA) -> float:
+def exact_power(n: int, difference: float, discordant: float, alpha: float) -> float:
     """Return the probability that McNemar's exact test on n pairs is significant at level alpha.
 
     The number m of discordant pairs is binomial (n, discordant). Of these, the number in which only the first side

@@ -33,7 +33,7 @@ def read_arrays(path: str | Path, *, most: int = 2000 * MB) -> dict[str, np.ndar
         return {name: _array(data[name]) for name in data.files}
 
 
-def array_names(path: str | Path, *, most: int = 2000 * MB) -> tuple[str, ...]:
+def array_names(path: str | Path, *, most: int) -> tuple[str, ...]:
     """Return the names of the arrays in an .npz file without reading them; arguments and errors as `read_arrays`."""
     with _archive(path, most) as data:
         return tuple(data.files)

@@ -49,7 +49,7 @@ def typed(kind: type[T], data: Any, file: str | Path, key: str = "") -> T:
         raise UserError(str(error), file=file, key=key or None) from None
 
 
-def as_user_error(error: ValidationError, file: str | Path, key: str = "") -> UserError:
+def as_user_error(error: ValidationError, file: str | Path, key: str) -> UserError:
     """Return the first of pydantic's errors as a UserError, with the choices if there are any."""
     first = error.errors(include_url=False)[0]
     at = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"])

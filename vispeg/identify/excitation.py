@@ -39,6 +39,9 @@ class Robot(Protocol):
         ...
 
 
+Trajectory = tuple[np.ndarray, np.ndarray]  # angles (n, nj) rad, and speeds (n, nj) rad/s
+
+
 @dataclass(frozen=True)
 class Motion:
     """A commanded motion: time (n,) s, q_cmd and dq_cmd (n, nj) rad and rad/s.
@@ -84,17 +87,18 @@ def smoothstep(u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return integral, v**3 * (10.0 - 15.0 * v + 6.0 * v**2), 30.0 * v**2 * (1.0 - v) ** 2
 
 
-def _fit(room: Room, dq: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Scale a motion dq, q (n, nj) about 0, joint by joint, until it just fits the bounds, and add the centre.
+def _fit(room: Room, q: np.ndarray, dq: np.ndarray, largest: float = np.inf) -> Trajectory:
+    """Scale a motion (n, nj) about 0, joint by joint, until it just fits the bounds, and add the centre.
 
-    Return angles and speeds.
+    A joint is enlarged by a factor of at most `largest`.
     """
     far, fast = np.abs(q).max(axis=0), np.abs(dq).max(axis=0)
-    scale = np.minimum(room.reach / np.maximum(far, 1e-12), room.speed / np.maximum(fast, 1e-12))
+    fits = np.minimum(room.reach / np.maximum(far, 1e-12), room.speed / np.maximum(fast, 1e-12))
+    scale = np.minimum(largest, fits)
     return room.centre + scale * q, scale * dq
 
 
-def fourier(room: Room, rng: np.random.Generator, harmonics: int = 5, base_hz: float | None = None) -> tuple:
+def fourier(room: Room, rng: np.random.Generator, harmonics: int = 5, base_hz: float | None = None) -> Trajectory:
     """Return a sum of `harmonics` sines with random phases, at multiples of `base_hz`.
 
     By default that is one period per recording, but at least 0.1 Hz.
@@ -108,17 +112,17 @@ def fourier(room: Room, rng: np.random.Generator, harmonics: int = 5, base_hz: f
     f = (weight.T * np.sin(angle)).sum(axis=2)
     df = (weight.T * 2.0 * np.pi * base * k * np.cos(angle)).sum(axis=2)
     q, dq = _ramped(room, f, df)
-    return _fit(room, dq, q)
+    return _fit(room, q, dq)
 
 
-def _ramped(room: Room, f: np.ndarray, df: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _ramped(room: Room, f: np.ndarray, df: np.ndarray) -> Trajectory:
     """Fade f, df (n, nj) in over the first fifth (at most 1 s), so that position, speed and acceleration start at 0."""
     length = min(1.0, room.duration / 5.0)
     _, w, dw = smoothstep(room.time[:, None] / length)
     return w * f, w * df + dw / length * f
 
 
-def chirp(room: Room, rng: np.random.Generator, low_hz: float = 0.1, high_hz: float = 4.0) -> tuple:
+def chirp(room: Room, rng: np.random.Generator, low_hz: float = 0.1, high_hz: float = 4.0) -> Trajectory:
     """Return sines of a frequency that rises from about `low_hz` to about `high_hz`.
 
     The amplitude falls with frequency so that the speed stays near its limit.
@@ -132,14 +136,12 @@ def chirp(room: Room, rng: np.random.Generator, low_hz: float = 0.1, high_hz: fl
     damp = -room.reach * ratio**2 * freq * dfreq / (1.0 + (ratio * freq) ** 2) ** 1.5  # time derivative of amp
     f = amp * np.sin(angle)
     q, dq = _ramped(room, f, damp * np.sin(angle) + amp * 2.0 * np.pi * freq * np.cos(angle))
-    return _fit(room, dq, q)
+    return _fit(room, q, dq)
 
 
-def triangle(room: Room, rng: np.random.Generator, slow: float = 0.02, speeds: int = 5, blend_s: float = 0.06) -> tuple:
-    """Return strokes of constant velocity out and back, at `speeds` speeds from `slow` rad/s up, in random order.
-
-    Velocities change within `blend_s` seconds.
-    """
+def triangle(room: Room, rng: np.random.Generator) -> Trajectory:
+    """Return strokes of constant velocity out and back, at five speeds in random order."""
+    slow, speeds, blend_s = 0.02, 5, 0.06  # rad/s, the lowest; their number; s, within which velocities change
     n, nj = len(room.time), len(room.joints)
     q, dq = np.zeros((n, nj)), np.zeros((n, nj))
     stroke = (room.duration - blend_s) / (2 * speeds)
@@ -155,17 +157,10 @@ def triangle(room: Room, rng: np.random.Generator, slow: float = 0.02, speeds: i
         start[1:-1] += rng.uniform(-0.15, 0.15) * stroke  # joints do not reverse together
         integral, value, _ = smoothstep((room.time[:, None] - start) / blend_s)
         q[:, j], dq[:, j] = (change * integral).sum(axis=1) * blend_s, (change * value).sum(axis=1)
-    return _fit_down(room, dq, q)
+    return _fit(room, q, dq, largest=1.0)
 
 
-def _fit_down(room: Room, dq: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Scale a motion as `_fit` does, but never enlarge it."""
-    far, fast = np.abs(q).max(axis=0), np.abs(dq).max(axis=0)
-    scale = np.minimum(1.0, np.minimum(room.reach / np.maximum(far, 1e-12), room.speed / np.maximum(fast, 1e-12)))
-    return room.centre + scale * q, scale * dq
-
-
-def steps(room: Room, rng: np.random.Generator, count: int = 6, smallest: float = 0.005) -> tuple:
+def steps(room: Room, rng: np.random.Generator, count: int = 6, smallest: float = 0.005) -> Trajectory:
     """Return `count` minimum-jerk steps with rests, from `smallest` rad to the reach, at each joint's own times."""
     n, nj = len(room.time), len(room.joints)
     q, dq = np.zeros((n, nj)), np.zeros((n, nj))
@@ -182,10 +177,10 @@ def steps(room: Room, rng: np.random.Generator, count: int = 6, smallest: float 
             _, value, slope = smoothstep((room.time - begin - k * slot) / length)
             q[:, j] += move * value
             dq[:, j] += move * slope / length
-    return _fit_down(room, dq, q)
+    return _fit(room, q, dq, largest=1.0)
 
 
-def sweep(room: Room, rng: np.random.Generator, joint: str | None = None) -> tuple:
+def sweep(room: Room, rng: np.random.Generator, joint: str | None = None) -> Trajectory:
     """Move one joint through its reach and back while the others rest; every joint in turn if none is named."""
     if joint is not None and joint not in room.joints:
         raise UserError("sweep: no such joint", got=joint, choices=room.joints)
@@ -197,18 +192,10 @@ def sweep(room: Room, rng: np.random.Generator, joint: str | None = None) -> tup
         sign = rng.choice([-1.0, 1.0])
         q[:, j] = sign * room.reach[j] * np.sin(2.0 * np.pi * value)
         dq[:, j] = sign * room.reach[j] * 2.0 * np.pi * np.cos(2.0 * np.pi * value) * slope / slot
-    return _fit(room, dq, q) if joint is None else _fit_only(room, dq, q, list(moving))
+    return _fit(room, q, dq)
 
 
-def _fit_only(room: Room, dq: np.ndarray, q: np.ndarray, moving: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Scale the joints `moving` as `_fit` does; the others rest at the centre."""
-    out, dout = np.tile(room.centre, (len(q), 1)), np.zeros_like(q)
-    fitted, dfitted = _fit(room, dq, q)
-    out[:, moving], dout[:, moving] = fitted[:, moving], dfitted[:, moving]
-    return out, dout
-
-
-def mix(room: Room, rng: np.random.Generator) -> tuple:
+def mix(room: Room, rng: np.random.Generator) -> Trajectory:
     """Move a random half of the joints on triangles, the rest on chirps: slow reversals and fast oscillation."""
     qt, dqt = triangle(room, rng)
     qc, dqc = chirp(room, rng)
@@ -216,7 +203,7 @@ def mix(room: Room, rng: np.random.Generator) -> tuple:
     return np.where(slow, qt, qc), np.where(slow, dqt, dqc)
 
 
-MOTIONS: dict[str, Callable[..., tuple]] = {f.__name__: f for f in (fourier, chirp, triangle, steps, sweep, mix)}
+MOTIONS: dict[str, Callable[..., Trajectory]] = {f.__name__: f for f in (fourier, chirp, triangle, steps, sweep, mix)}
 
 
 def osc_targets(

@@ -152,7 +152,7 @@ class Observer:
             rot = turned(self.straight, np.where(self.move[3:], rotation, 0.0))
         return held, rot
 
-    def offset_to(self, tip: np.ndarray, turn: np.ndarray | None = None) -> np.ndarray:
+    def offset_to(self, tip: np.ndarray, turn: np.ndarray | None) -> np.ndarray:
         """Return the action (n, 6) that commands a pose: the inverse of `offset_by`.
 
         Args:

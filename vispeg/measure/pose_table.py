@@ -147,9 +147,7 @@ def check_form(form: str | None, poses: Sequence[PoseColumns], file: Path) -> No
         raise UserError("no angles whose meaning could be stated", file=file, key="--orientation", expected=expected)
 
 
-def poses_of(
-    table: Table, columns: PoseColumns, form: str | None = None
-) -> list[tuple[np.ndarray, np.ndarray | None, str]]:
+def poses_of(table: Table, columns: PoseColumns, form: str | None) -> list[tuple[np.ndarray, np.ndarray | None, str]]:
     """Return all interpretations of a pose: positions (n, 3) m, rotations (n, 3, 3) or None, and the choices in words.
 
     Arguments and errors as for `readings`.

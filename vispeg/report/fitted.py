@@ -56,11 +56,12 @@ def fit_record(
         judged: evidence of the held-out recordings, or None.
     """
     fit = calibration.fit
-    worlds, judge = [nominal, fit.world], evidence if judged is None else judged
-    fitted, held = evidence.errors(worlds), [None, None] if judged is None else judged.errors(worlds)
+    worlds, judge = [nominal, fit.world], judged or evidence
+    fitted = evidence.errors(worlds)
+    held = [None, None] if judged is None else judged.errors(worlds)
     bare = replace(fit.world, effects=tuple(e for i, e in enumerate(fit.world.effects) if i not in free))
     before, after = map(judge.chi2, judge.residuals([bare, fit.world]))
-    unit, floor = f"{evidence.unit} RMS", (judged or evidence).floor
+    unit, floor = f"{evidence.unit} RMS", judge.floor
     floor_chi2 = reading_floor(judge, fit.world) + noise_motion(judge, fit.world)
     effects = list(widened(fit.world, free, of_form(evidence, fit, before, after, floor_chi2)).effects)
     given = {e.label: e for e in nominal.effects}

@@ -12,7 +12,7 @@ from vispeg.core.effect import effect
 from vispeg.robots.model import RobotModel
 from vispeg.sim.nominal import Nominal
 
-ARMS = 4096  # greatest number of postures in one batch: MuJoCo's state of each takes kilobytes
+BATCH = 4096  # greatest number of postures in one batch: MuJoCo's state of each takes kilobytes
 
 
 def compiled(robot: RobotModel, parts: Iterable[str] = ()) -> mujoco.MjModel:
@@ -56,7 +56,7 @@ def nominal_of(robot: RobotModel, nsim: int, nthread: int = 1) -> Nominal:
 
 def of_postures(robot: RobotModel, q: np.ndarray, get: Callable[[Nominal, np.ndarray], np.ndarray]) -> np.ndarray:
     """Evaluate `get(nominal, q)` for postures q (n, nj) in blocks, to save memory; rows are independent."""
-    parts = [q[start : start + ARMS] for start in range(0, max(1, len(q)), ARMS)]
+    parts = [q[start : start + BATCH] for start in range(0, max(1, len(q)), BATCH)]
     return np.concatenate([get(nominal_of(robot, len(part)), part) for part in parts])
 
 

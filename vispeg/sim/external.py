@@ -18,7 +18,7 @@ from vispeg.recordings.differentiate import bridged, episodes, smooth
 from vispeg.recordings.noise import highpass_sigma
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel
-from vispeg.sim.compiled import ARMS, compiled, nominal_of
+from vispeg.sim.compiled import BATCH, compiled, nominal_of
 from vispeg.sim.inverse_dynamics import InverseDynamics
 
 MOTION_HZ = 8.0  # bandwidth of the motion from which accelerations are computed
@@ -108,8 +108,8 @@ def flange_jacobian(arm: RobotModel, q: np.ndarray) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 
     out = np.empty((len(q), 6, q.shape[1]))
-    for start in range(0, len(q), ARMS):
-        block = slice(start, start + ARMS)
+    for start in range(0, len(q), BATCH):
+        block = slice(start, start + BATCH)
         _, jac, _, quat, _ = nominal_of(arm, len(q[block])).operational(q[block])
         turn = Rotation.from_quat(quat, scalar_first=True).inv().as_matrix()
         out[block, :3], out[block, 3:] = turn @ jac[:, :3], turn @ jac[:, 3:]

@@ -20,8 +20,6 @@ ENOUGH, ROOM = 0.15, 0.2  # caps in the score: smallest singular value, share of
 ASIDE = 0.05  # m, decay length of the score with the distance of links from the vertical plane, see `_score`
 ROUND = 1e-3  # rad, to which the angles of the result are rounded
 POSE = 6  # degrees of freedom of a pose
-FEW = "an arm of so few joints cannot hold its tool at any pose, as a world needs it"
-ENOUGH_JOINTS = "six joints or more; record, compare, fit and diagnose take the arm's own file, without a world"
 
 
 def home_of(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) -> np.ndarray:
@@ -31,7 +29,9 @@ def home_of(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) 
         UserError: no posture within the joint limits holds the flange there, or the arm has fewer than six joints.
     """
     if len(robot.joints) < POSE:
-        raise UserError(FEW, file=robot.name, expected=ENOUGH_JOINTS, got=f"{len(robot.joints)} joints")
+        what = "an arm of so few joints cannot hold its tool at any pose, as a world needs it"
+        expected = "six joints or more; record, compare, fit and diagnose take the arm's own file, without a world"
+        raise UserError(what, file=robot.name, expected=expected, got=f"{len(robot.joints)} joints")
     return np.array(robot.home or _solved(robot, pos, quat))
 
 
@@ -50,9 +50,8 @@ def _solved(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) 
     best = int(score.argmax())
     if score[best] <= 0.0:
         what = "the arm cannot hold its tool there within its joint limits"
-        raise UserError(
-            what, file=robot.name, expected="a pose in its reach, or robot.home", got=np.round(pos, 4).tolist()
-        )
+        expected = "a pose in its reach, or robot.home"
+        raise UserError(what, file=robot.name, expected=expected, got=np.round(pos, 4).tolist())
     return tuple((np.round(q[best] / ROUND) * ROUND).tolist())
 
 

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from mujoco import batch as mjb
 
-from vispeg.sim.compiled import ARMS
+from vispeg.sim.compiled import BATCH
 from vispeg.sim.nominal import columns, dense
 
 
@@ -37,8 +37,8 @@ class InverseDynamics:
         Bias is gravity, centrifugal and Coriolis torque, less the passive torque of springs, dampers and the medium.
         """
         mass, bias = np.empty((*q.shape, q.shape[1])), np.empty_like(q)
-        for start in range(0, len(q), ARMS):
-            block = slice(start, start + ARMS)
+        for start in range(0, len(q), BATCH):
+            block = slice(start, start + BATCH)
             batch = self._batch(len(q[block]))
             batch.bind("qpos")[:, self.qadr], batch.bind("qvel")[:, self.vadr] = q[block], dq[block]
             total, passive, inertia = (batch.bind(name) for name in ("qfrc_bias", "qfrc_passive", "M"))

@@ -8,7 +8,7 @@ the tool's centre of mass.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -99,7 +99,7 @@ def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = Non
     noise = wrench_noise(rec.noise)
     th = thresholds or Thresholds()
     least = max(th.touch, NOISES * float(noise[0]) if noise is not None else 0.0)
-    th = Thresholds(least, th.slide, th.inside, th.hit, th.impact)
+    th = replace(th, touch=least)
     force, regime = np.linalg.norm(contact[:, :3], axis=1), np.zeros(len(tip), int)
     normal = _normal(contact[:, :3])
     tangential = velocity - np.sum(velocity * normal, axis=1, keepdims=True) * normal

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 
@@ -17,6 +17,9 @@ from vispeg.robots.scene import Scene
 from vispeg.task.config import TaskConfig
 from vispeg.task.world_file import WorldFile
 from vispeg.worlds.randomized import RandomizedWorld
+
+if TYPE_CHECKING:
+    from vispeg.render.backends.backend import BackendName
 
 FILM = (320, 240)  # px, width and height of the pictures that `render` returns
 
@@ -109,7 +112,7 @@ def rig_of(
         kinds=wanted,
         period=task.policy_period,
         outside=outside.moved(name="film", width=width, cx=(width - 1) / 2),
-        backend=str(renderer.get("backend", backend)),
+        backend=cast("BackendName", renderer.get("backend", backend)),  # a renderer refuses other words
         shadows=bool(renderer.get("shadows", False)),
         look_seed=look_seed,
     )

@@ -39,8 +39,8 @@ class Kept:
         folder: Path,
         stem: str,
         seeds: Collection[int],
-        world: str = "",
-        world_hash: str = "",
+        world: str,
+        world_hash: str,
     ):
         self.env, self.vec, self.who, self.folder, self.stem, self.seeds = env, vec, who, folder, stem, set(seeds)
         self.world, self.num_envs, self.config = WorldPart(name=world, hash=world_hash), vec.num_envs, vec.config

@@ -223,7 +223,7 @@ class Ros2Robot:
         file: file with the names of topics, see Topics; "" for the defaults.
     """
 
-    def __init__(self, file: str = ""):
+    def __init__(self, file: str):
         self.file, self.topics = file or None, read_topics(file) if file else Topics()
         self._link = Link("vispeg", self.topics)
         self._interface: Interface | None = None

@@ -38,7 +38,7 @@ class App:
         UserError: no valid port, or one in use.
     """
 
-    def __init__(self, opened: Opened, out: Path, *, port: int | None = None, threads: int = 2, dark: bool = False):
+    def __init__(self, opened: Opened, out: Path, *, port: int | None = None, threads: int, dark: bool = False):
         import viser
 
         gate, port = Gate(), free_port(port)

@@ -25,7 +25,7 @@ class DataPage(Page):
 
     title = "Data"
 
-    def __init__(self, place: Place, dataset: str = ""):
+    def __init__(self, place: Place, dataset: str):
         self.place, gui = place, place.gui
         self.holding: Holding | None = None
         self.waits = False  # whether a frame was requested while the worker was busy

@@ -106,4 +106,4 @@ def _recordings(folder: Path) -> list[Path]:
 def _is_world(text: str) -> bool:
     """Return whether this is the name of a built-in world, or an existing file that describes a world."""
     yaml = Path(text).suffix.lower() in (".yaml", ".yml")
-    return is_world(text) if Path(text).is_file() or not yaml else False
+    return (Path(text).is_file() or not yaml) and is_world(text)

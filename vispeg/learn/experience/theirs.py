@@ -41,7 +41,7 @@ class Theirs:
         UserError: it lacks a value that the policy observes, has another rate, or its actions are of no known kind.
     """
 
-    def __init__(self, data: Dataset, interface: Interface, action: str | None = None):
+    def __init__(self, data: Dataset, interface: Interface, action: str | None):
         self.interface, self.folder = interface, data.folder
         self._places = observed(data.info["features"])  # value's name -> (feature, index in it)
         acted = data.info["features"].get(ACTION)

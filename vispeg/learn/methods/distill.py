@@ -245,8 +245,8 @@ def imitate(
     demos: Replay,
     settings: DistillSettings,
     seed: int,
-    watch: Callable[[int, float], RoundResult] | None = None,
-    rounds: Rounds | None = None,
+    watch: Callable[[int, float], RoundResult] | None,
+    rounds: Rounds | None,
 ) -> None:
     """Train `actor` by behaviour cloning, with as many rounds and updates as `distill` but without playing.
 

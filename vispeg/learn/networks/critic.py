@@ -26,8 +26,8 @@ class Critic(nn.Module):
         self,
         sizes: Mapping[str, int],
         action: int,
-        hidden: Sequence[int] = (256, 256),
-        encoders: Mapping[str, nn.Module] | None = None,
+        hidden: Sequence[int],
+        encoders: Mapping[str, nn.Module] | None,
     ):
         super().__init__()
         self.keys = tuple(sizes)

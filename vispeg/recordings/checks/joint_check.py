@@ -65,7 +65,7 @@ def smoothed(rec: Recording, j: int, clock: Timing, bad: tuple[Spike, ...]) -> t
     return tuple(part[:, 0] for part in smooth(rec.time, without(rec.q[:, j], bad)[:, None], cutoff, rec.episode))
 
 
-def joint_check(rec: Recording, j: int, clock: Timing, limits: Limits | None = None) -> JointCheck:
+def joint_check(rec: Recording, j: int, clock: Timing, limits: Limits | None) -> JointCheck:
     """Check the j-th joint of a recording; limits None where they are not known."""
     bad = spikes(rec.elapsed, rec.q[:, j])
     motion = smoothed(rec, j, clock, bad)

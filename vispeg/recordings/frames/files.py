@@ -169,7 +169,7 @@ def _check_order(file: Path, frames: Sequence[RecordedFrame]) -> None:
         earlier.add(key)
 
 
-def write_frames(frames: Frames, folder: Path, episodes: bool = False) -> Path:
+def write_frames(frames: Frames, folder: Path, episodes: bool) -> Path:
     """Write `frames/` into a recording's folder.
 
     Reading them back gives identical colour, and depth to within half a step of the camera's `depth_unit`; pictures

@@ -153,7 +153,7 @@ def _times_needed(rec: Recording, tau: np.ndarray, needs: Needs) -> float | None
 
 
 def refuse_units(
-    rec: Recording, robot: Limited, mapping: ColumnMap, file: Path, stated: str, needs: Needs | None = None
+    rec: Recording, robot: Limited, mapping: ColumnMap, file: Path, stated: str, needs: Needs | None
 ) -> None:
     """Raise UserError if units cannot be true, and name the likely ones; joints that the robot lacks are not checked.
 

@@ -178,7 +178,7 @@ def opened(file: Path, blanks: bool = False) -> Iterator[io.BufferedReader]:
 class _Limited(io.RawIOBase):
     """A stream without byte order mark and trailing blank lines, which refuses a file that unpacks too large."""
 
-    def __init__(self, stream: Any, raw: BinaryIO, file: Path, blanks: bool = False):
+    def __init__(self, stream: Any, raw: BinaryIO, file: Path, blanks: bool):
         self._stream, self.raw, self._file, self._blanks = stream, raw, file, blanks
         self._held, self._ready, self._count = b"", b"", 0
 

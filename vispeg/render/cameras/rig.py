@@ -53,18 +53,19 @@ class CameraRig:
         world: RandomizedWorld,
         rows: int,
         *,
-        kinds: Sequence[ImageKind] = (RGB, DEPTH),
-        period: float = 0.16,
-        outside: Camera | None = None,
-        backend: BackendName = "auto",
-        shadows: bool = False,
-        look_seed: Callable[[int], int] | None = None,
+        kinds: Sequence[ImageKind],
+        period: float,
+        outside: Camera | None,
+        backend: BackendName,
+        shadows: bool,
+        look_seed: Callable[[int], int] | None,
     ):
         self.scene, self.cameras, self.rows, self.kinds, self.period = scene, tuple(cameras), rows, kinds, period
         self.world = optical(world, [c.name for c in cameras])
         self.varied = bool(self.world.ranges)
         self.drawn, self.redrawn = [World()] * rows, 0
-        self.backend, self.shadows, self.outside = backend, shadows, outside
+        self.backend: BackendName = backend
+        self.shadows, self.outside = shadows, outside
         self._seed_of = look_seed or (lambda seed: seed)
         self._seeds = np.zeros(rows, np.int64)
         self._film: Renderer | None = None

@@ -129,7 +129,7 @@ def velocity_of(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     qvel: np.ndarray | None,
-    relative_to: int = 0,
+    relative_to: int,
 ) -> np.ndarray:
     """Return the velocity (6,) of a camera relative to a body, in the camera's axes, m/s and rad/s.
 

@@ -13,7 +13,7 @@ from vispeg.datasets.layout import colour_of, depth_of
 from vispeg.datasets.read import Dataset
 from vispeg.render.image_kinds import depth_picture
 
-SIDE, WIDTH = 96, 1800  # px: height of a picture, approximate width of a sheet
+SIDE = 96  # px, height of a picture
 GAP, GREY = 4, 235  # gap between pictures, px, and its grey value
 # one colour per part, suitable for colour-blind readers too (Okabe and Ito, "Color Universal Design")
 PALETTE = np.array(
@@ -84,12 +84,13 @@ def chosen(data: Dataset | Bop, count: int) -> list[int]:
     return sorted(out)
 
 
-def sheet(data: Dataset | Bop, count: int) -> np.ndarray:
+def sheet(data: Dataset | Bop, count: int, width: int = 1800) -> np.ndarray:
     """Return a contact sheet (H, W, 3) uint8: `count` frames, each with every camera's colour, depth and parts.
 
     Args:
         data: the dataset, with cameras.
         count: number of frames.
+        width: approximate width of the sheet, px.
     """
     frames = [data[i] for i in chosen(data, count)]
     limits = depth_range(data, frames)
@@ -98,7 +99,7 @@ def sheet(data: Dataset | Bop, count: int) -> np.ndarray:
         row = [picture for name in data.cameras for picture in views(data, frame, name, limits.get(name), SIDE)]
         tile = np.concatenate([_edged(picture) for picture in row], axis=1)
         tiles.append(np.pad(tile, ((GAP, GAP), (2 * GAP, 2 * GAP), (0, 0)), constant_values=GREY))
-    columns = max(1, WIDTH // tiles[0].shape[1])
+    columns = max(1, width // tiles[0].shape[1])
     tiles += [np.full_like(tiles[0], GREY)] * (-len(tiles) % columns)
     rows = [np.concatenate(tiles[i : i + columns], axis=1) for i in range(0, len(tiles), columns)]
     return np.concatenate(rows)

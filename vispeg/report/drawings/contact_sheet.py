@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -44,9 +45,10 @@ def moments(plan: Plan, layout: Layout, wanted: Shard) -> Iterator[Episode]:
     try:
         played = stage.play([plan.episode_seed(wanted.number, i) for i in range(ROWS)])
         for look in range(wanted.frames):
-            seed, states, _, physics = played[look % ROWS]
+            episode = played[look % ROWS]
             share = (look * 0.618034) % 1.0  # golden ratio: evenly spread for any number of frames
-            at = int(len(states) * share**2)  # early moments more often, because then the goal is in sight
-            yield stage.draw(look_seed(seed, look), 0, [states[at]], None, physics)
+            at = int(len(episode.moments) * share**2)  # early moments more often, because then the goal is in sight
+            one = replace(episode, seed=look_seed(episode.seed, look), moments=[episode.moments[at]], record=None)
+            yield stage.draw(one, 0, 1)
     finally:
         stage.close()

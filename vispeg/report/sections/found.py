@@ -19,6 +19,7 @@ TITLE = "What was found"
 STRONG = 0.9  # smallest correlation of two estimates that is called strong
 MOST_OPEN = 4  # with more effects, their tables are folded
 AT_BOUND = "at a bound: the true value may lie beyond"
+NO_PARAMETER: dict[str, str] = dict.fromkeys(("param", "value", "interval", "unit", "bound"), "")
 
 
 def context(record: Record) -> Mapping[str, object]:
@@ -40,7 +41,7 @@ def context(record: Record) -> Mapping[str, object]:
 def effect_rows(record: Record) -> list[dict[str, str]]:
     """Return the effects found as table rows, one per parameter."""
     listed = record.rows("effects")
-    return [{"effect": label(e), "sure": sure(e), **row} for e in listed for row in _params(e) or [_NOTHING]]
+    return [{"effect": label(e), "sure": sure(e), **row} for e in listed for row in _params(e) or [NO_PARAMETER]]
 
 
 def sure(effect: Mapping[str, Any]) -> str:
@@ -50,7 +51,7 @@ def sure(effect: Mapping[str, Any]) -> str:
 
 
 def share(effect: Mapping[str, Any]) -> str:
-    """Return the share of the excess that an effect explains; empty if the record does not say."""
+    """Return the share of the excess (of error over the noise floor) that an effect explains; empty if not recorded."""
     part = number(effect.get("explains"))
     return "" if part is None else f"{100 * part:z.1f} % of the excess".replace("-", "−")
 
@@ -64,9 +65,6 @@ def without(effect: Mapping[str, Any]) -> str:
 def in_part(record: Record, effect: Mapping[str, Any]) -> bool:
     """Return whether an effect is partial: accepted although a residual remains. Old records list these separately."""
     return bool(effect.get("partial")) or effect in record.rows("partial")
-
-
-_NOTHING: dict[str, str] = dict.fromkeys(("param", "value", "interval", "unit", "bound"), "")
 
 
 def _params(effect: Mapping[str, Any]) -> list[dict[str, str]]:
@@ -106,9 +104,13 @@ def _effect(effect: Mapping[str, Any]) -> Mapping[str, object]:
 def _glance(effect: Mapping[str, Any]) -> Mapping[str, object]:
     """Return an effect as one row: name, values with intervals, certainty, and what it explains."""
     others = [effect_words.named(other) for other in rows(effect, "indistinguishable_from")]
-    sure = "tentative" if effect.get("tentative") else f"or {words.join(others, 'or')}" if others else "named"
-    named = {"words": effect_words.named(effect), "params": _params(effect), "sure": sure}
-    return {**named, "share": share(effect), "without": without(effect)}
+    return {
+        "words": effect_words.named(effect),
+        "params": _params(effect),
+        "sure": "tentative" if effect.get("tentative") else f"or {words.join(others, 'or')}" if others else "named",
+        "share": share(effect),
+        "without": without(effect),
+    }
 
 
 def bounds_of(effect: str, param: str) -> Param | None:

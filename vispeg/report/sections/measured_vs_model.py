@@ -115,7 +115,7 @@ def trace_title(trace: Trace, joints: tuple[str, ...]) -> str:
     )
 
 
-def trace_picture(trace: Trace, joints: tuple[str, ...], name: str, points: int = 1500) -> str:
+def trace_picture(trace: Trace, joints: tuple[str, ...], name: str, points: int) -> str:
     """Return SVG with, per joint, signals on the left (or above) and residuals on the right (or below)."""
 
     def draw(shape: Shape) -> Figure:

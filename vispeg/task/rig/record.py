@@ -190,7 +190,7 @@ def with_noise(
     runs: Sequence[Recording],
     noise: Mapping[str, float],
     rng: np.random.Generator,
-    torque_sensor: Literal["joint", "none"] = "joint",
+    torque_sensor: Literal["joint", "none"],
     sensed: bool = False,
 ) -> Recording:
     """Return runs of one motion as one recording with noise; several runs become episodes.

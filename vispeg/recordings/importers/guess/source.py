@@ -267,7 +267,7 @@ def _named(key: str, feature: Any) -> list[tuple[str, str]]:
     return [(f"{key}[{i}]", str(name).removesuffix(".pos")) for i, name in enumerate(names)]
 
 
-def dialect_of(file: Path, names: tuple[str, ...] = ()) -> Dialect:
+def dialect_of(file: Path, names: tuple[str, ...]) -> Dialect:
     """Detect the dialect of a text table: cell separator and decimal mark.
 
     Args:

@@ -50,7 +50,7 @@ def units_of(
     stacks: Mapping[str, np.ndarray],
     limits: Limits,
     doubts: list[str],
-    known: Mapping[str, tuple[str, str]] | None = None,
+    known: Mapping[str, tuple[str, str]] | None,
 ) -> dict[str, tuple[str, str]]:
     """Return signal -> (unit, reason): angles first, as other units are checked against them; `known` are kept."""
     out = dict(known or {})
@@ -128,7 +128,7 @@ def time_unit(
     units: Mapping[str, tuple[str, str]],
     limits: Limits,
     doubts: list[str],
-    speeds: Sequence[str] = SPEEDS,
+    speeds: Sequence[str],
 ) -> tuple[str, str]:
     """Return the unit of the time: the one that the name states unless the motion excludes it, else the most plausible.
 
@@ -178,7 +178,7 @@ def _fits(
 
 
 def speed_unit(
-    time: np.ndarray, q: np.ndarray, dq: np.ndarray, usual: tuple[str, str], speeds: Sequence[str] = SPEEDS
+    time: np.ndarray, q: np.ndarray, dq: np.ndarray, usual: tuple[str, str], speeds: Sequence[str]
 ) -> tuple[str, str]:
     """Return the unit in which measured speeds (n, nj) match the slope of the angles q (n, nj) rad over time (n,) s.
 
