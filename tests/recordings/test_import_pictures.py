@@ -16,7 +16,7 @@ from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.recordings.frames.camera import RecordedCamera
 from vispeg.recordings.importers.bagimages import camera_name
-from vispeg.recordings.importers.camera_info import lens_of
+from vispeg.recordings.importers.camera_info import described
 from vispeg.recordings.importers.lerobot_video import decoded, import_video
 from vispeg.recordings.importers.mapping import ColumnMap
 from vispeg.recordings.importers.pictures import Album
@@ -243,7 +243,7 @@ def test_a_part_of_a_sensor_in_blocks_of_pixels_keeps_its_directions(flat):
         np.array([[45, 0, 17, -3.0], [0, 46, 14, 0], [0, 0, 1, 0]]),
     )
     part = SimpleNamespace(x_offset=4, y_offset=6, width=30, height=21, do_rectify=False)
-    lens = lens_of(SimpleNamespace(**sensor, roi=part, k=k.ravel(), p=p.ravel(), d=[0.1, 0.01, 0, 0]), flat)
+    lens = described("wrist", SimpleNamespace(**sensor, roi=part, k=k.ravel(), p=p.ravel(), d=[0.1, 0.01, 0, 0]), flat)
     places = np.stack(np.meshgrid(np.arange(40.0), np.arange(30.0)), -1)[6:27, 4:34]
     blocks = places.reshape(7, 3, 15, 2, 2).mean(axis=(1, 3))
     assert (lens.height, lens.width) == blocks.shape[:2]
@@ -256,7 +256,7 @@ def test_a_part_of_a_sensor_in_blocks_of_pixels_keeps_its_directions(flat):
     part.do_rectify = True
     if flat:
         with pytest.raises(UserError, match="region of interest"):
-            lens_of(SimpleNamespace(**sensor, roi=part, k=k.ravel(), p=p.ravel(), d=[]), flat)
+            described("wrist", SimpleNamespace(**sensor, roi=part, k=k.ravel(), p=p.ravel(), d=[]), flat)
 
 
 @pytest.mark.parametrize("wrong", [{"focal": 0.0}, {"lens": (0.1, 0, 0, 0, 0, 0.2)}])

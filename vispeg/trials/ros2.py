@@ -27,7 +27,7 @@ from vispeg.formats.typed import typed
 from vispeg.formats.yaml_data import read_yaml
 from vispeg.interface.builder import Picture
 from vispeg.interface.interface import Interface
-from vispeg.recordings.importers.camera_info import lens_of
+from vispeg.recordings.importers.camera_info import described
 from vispeg.recordings.load_cell import wrench
 from vispeg.recordings.schema import Quaternion, Vec3, WrenchSection
 from vispeg.render.cameras.camera import Camera, rotation
@@ -438,6 +438,6 @@ def camera_from(info: Any, eye: Camera, name: str, rectified: bool = False) -> C
     """Return the camera with the lens of a sensor_msgs/CameraInfo and the pose of the policy's camera `eye`.
 
     Raises:
-        UserError: as `lens_of`.
+        UserError: as `described`.
     """
-    return eye.moved(**lens_of(info, rectified, key=name)._asdict())
+    return eye.moved(**described(eye.name, info, rectified, key=name).lens)

@@ -87,16 +87,10 @@ def camera_of(recorded: RecordedCamera) -> Camera:
         raise UserError(said, key="frames/cameras.yaml", expected="base_T_camera or flange_T_camera (4 x 4, m)")
     return Camera(
         recorded.name,
-        recorded.width,
-        recorded.height,
-        recorded.fx,
-        recorded.fy,
-        recorded.cx,
-        recorded.cy,
-        recorded.distortion,
-        recorded.mount,
-        tuple(recorded.pose[:3, 3].tolist()),
-        tuple(quaternion(_orthonormal(recorded.pose[:3, :3])).tolist()),
+        **recorded.lens,
+        parent=recorded.mount,
+        pos=tuple(recorded.pose[:3, 3].tolist()),
+        quat=tuple(quaternion(_orthonormal(recorded.pose[:3, :3])).tolist()),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -56,6 +56,11 @@ class RecordedCamera:
     def K(self) -> np.ndarray:
         """(3, 3) intrinsics, px."""
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
+
+    @property
+    def lens(self) -> dict[str, Any]:
+        """Size, intrinsics and distortion, by name."""
+        return {key: getattr(self, key) for key in ("width", "height", "fx", "fy", "cx", "cy", "distortion")}
 
 
 class _Section(BaseModel):

@@ -11,7 +11,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.recordings.frames.camera import RecordedCamera
 from vispeg.recordings.importers.bagfile import messages, topics_of
-from vispeg.recordings.importers.camera_info import lens_of
+from vispeg.recordings.importers.camera_info import described
 from vispeg.recordings.importers.pictures import DEPTH_UNIT, Album
 
 IMAGE, COMPRESSED, INFO = (f"sensor_msgs/msg/{name}" for name in ("Image", "CompressedImage", "CameraInfo"))
@@ -87,8 +87,8 @@ def read_images(
         known: camera name -> camera whose CameraInfo message, if any, is not read.
 
     Raises:
-        UserError: an unknown encoding, a picture that is cut short, a camera that `lens_of` refuses, or two topics that
-            would be one camera.
+        UserError: an unknown encoding, a picture that is cut short, a camera that `described` refuses, or two topics
+            that would be one camera.
     """
     cameras = dict(known)
     names = _names(reader, topics, source)
@@ -101,7 +101,7 @@ def read_images(
         info = None if name in cameras else _info(reader, topic, source)
         if info is not None:
             rectified = any(part.startswith("image_rect") for part in topic.split("/"))
-            cameras[name] = RecordedCamera(name, *lens_of(info, rectified, file=source, key=f"camera '{name}'"))
+            cameras[name] = described(name, info, rectified, file=source, key=f"camera '{name}'")
     return cameras
 
 

@@ -2,34 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.recordings.frames.camera import RecordedCamera
 
 MODELS = ("plumb_bob", "rational_polynomial")
 
 
-class Lens(NamedTuple):
-    """Intrinsics of pictures: px, the centre of the top left pixel is (0, 0); `distortion`: Brown's k1 k2 p1 p2 k3."""
-
-    width: int
-    height: int
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    distortion: tuple[float, float, float, float, float]
-
-
-def lens_of(info: Any, rectified: bool, **where: Any) -> Lens:
-    """Return the intrinsics of the pictures that a CameraInfo message describes.
+def described(name: str, info: Any, rectified: bool, **where: Any) -> RecordedCamera:
+    """Return the camera of the pictures that a CameraInfo message describes, without a pose.
 
     The message states those of the whole sensor; the pictures may be a part of it (`roi`) in which blocks of
     `binning_x` times `binning_y` pixels became one.
 
     Args:
+        name: of the camera.
         info: the message.
         rectified: whether the pictures were rectified: matrix P then applies, and no distortion.
         where: `file` or `key` of errors.
@@ -57,4 +47,4 @@ def lens_of(info: Any, rectified: bool, **where: Any) -> Lens:
     # the edge of the first pixel, half a pixel before its centre, stays where it is
     cx, cy = ((np.array([cx, cy]) - [part.x_offset, part.y_offset]) / blocks + (0.5 / blocks - 0.5)).tolist()
     k1, k2, p1, p2, k3 = np.pad(lens[:5], (0, 5 - len(lens[:5]))).tolist()
-    return Lens(width, height, fx, fy, cx, cy, (k1, k2, p1, p2, k3))
+    return RecordedCamera(name, width, height, fx, fy, cx, cy, (k1, k2, p1, p2, k3))
