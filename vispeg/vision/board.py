@@ -47,11 +47,15 @@ class Corners:
     """A board's corners in one frame, (n, ...).
 
     Attributes:
-        pixel: (n, 2) px, predicted, with the board at its pose by all frames of the recording.
+        ids: (n,) which of the board's corners.
+        place: (n, 3) m in the base frame, by all frames of the recording.
+        pixel: (n, 2) px, predicted from there.
         away: (n, 2) px, measured minus predicted.
         depth: (n,) m.
     """
 
+    ids: np.ndarray
+    place: np.ndarray
     pixel: np.ndarray
     away: np.ndarray
     depth: np.ndarray
@@ -67,7 +71,8 @@ def corners_in(geometry: Geometry, camera: str, board: Board, looks: Mapping[int
     for frame, look in looks.items():
         where = places[look.view.ids]
         pixel = look.project(eye, where)
-        out[frame] = Corners(pixel, look.view.pixels - pixel, ((where - look.pos) @ look.turn)[:, 2])
+        depth = ((where - look.pos) @ look.turn)[:, 2]
+        out[frame] = Corners(look.view.ids, where, pixel, look.view.pixels - pixel, depth)
     return out
 
 

@@ -13,7 +13,6 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
-from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
 from vispeg.recordings.frames.frames import Frames, RecordedFrame
 from vispeg.render.backends.backend import BackendName
@@ -24,7 +23,7 @@ from vispeg.render.cameras.pipeline import Pipeline
 from vispeg.robots.scene import Scene
 from vispeg.vision.board_picture import put_down, showing
 from vispeg.vision.eye import recorded_of
-from vispeg.vision.predict import Predictor, Rendering
+from vispeg.vision.predict import Predictor, delivered
 from vispeg.vision.shutter import DRAWN, Path, Shutter, exposed
 from vispeg.worlds.places import acts_on
 from vispeg.worlds.split import optical
@@ -83,7 +82,8 @@ def photograph(
             recorded = recorded_of(camera, DEPTH_UNIT)
             for i, time in enumerate(times):
                 rendering = exposed(predictor, camera.name, shutter, measured, float(time))
-                rgb, depth = _sensed(sensor, camera, rendering, float(time), stream(seed, "frames", camera.name, i))
+                rng = stream(seed, "frames", camera.name, i)
+                rgb, depth = delivered(sensor, rendering, rng, time=float(time))
                 frames.append(RecordedFrame(float(time), recorded, rgb, depth))
                 progress((k * len(times) + i + 1) / (len(cameras) * len(times)))
     frames.sort(key=lambda frame: frame.time)
@@ -102,22 +102,3 @@ def _still(placed: EffectInstance, camera: str) -> EffectInstance:
         return placed
     numbers = {name: value.value for name, value in placed.params.items()}
     return EffectInstance.of(placed.effect, placed.where, **{**numbers, "exposure": 0.0})
-
-
-def _sensed(
-    sensor: Pipeline, camera: Camera, rendering: Rendering, time: float, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return a rendering as the sensor delivers it: (H, W, 3) uint8, and depth (H, W) m, 0 where it has no reading."""
-    frame = Frame(
-        rgb=rendering.rgb[None].astype(np.float32) / 255,
-        depth=rendering.depth[None].copy(),
-        K=camera.K[None],
-        truth=rendering.depth[None],
-        velocity=np.zeros((1, 6)),
-        time=np.array([time]),
-    )
-    out = sensor.run(frame, [rng])
-    if out.rgb is None or out.depth is None:
-        raise ValueError("an effect took a picture away")
-    delivered = np.nan_to_num(out.depth[0]).astype(np.float32)
-    return np.round(255 * np.clip(out.rgb[0], 0, 1)).astype(np.uint8), delivered

@@ -152,15 +152,34 @@ def through_sensor(
     name = rendering.eye.believed.name
     skipped = TIMED if bend else (*TIMED, "lens_distortion")
     sensor = optical(world, [name]).only(lambda e: effect(e.effect).family == "camera" and e.effect not in skipped)
+    return delivered(Pipeline([sensor], name), rendering, stream(seed, "frames", name), velocity)
+
+
+def delivered(
+    sensor: Pipeline,
+    rendering: Rendering,
+    rng: np.random.Generator,
+    velocity: np.ndarray | None = None,
+    time: float = 0.0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return a picture as a sensor delivers it: (H, W, 3) uint8, and depth (H, W) m, 0 where it has no reading.
+
+    Args:
+        sensor: of the camera; it may have state.
+        rendering: what was drawn.
+        rng: of what the sensor draws.
+        velocity: (6,) m/s and rad/s of the camera in its own axes; at rest if not given.
+        time: of the picture, s.
+    """
     frame = Frame(
         rgb=rendering.rgb[None].astype(np.float32) / 255,
         depth=rendering.depth[None].copy(),
         K=rendering.eye.believed.K[None],
         truth=rendering.depth[None],
         velocity=np.zeros((1, 6)) if velocity is None else np.asarray(velocity, float)[None],
-        time=np.zeros(1),
+        time=np.array([time]),
     )
-    out = Pipeline([sensor], name).run(frame, [stream(seed, "frames", name)])
+    out = sensor.run(frame, [rng])
     if out.rgb is None or out.depth is None:
         raise ValueError("an effect took a picture away")
     rgb = np.round(255 * np.clip(out.rgb[0], 0, 1)).astype(np.uint8)

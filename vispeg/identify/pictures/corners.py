@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 
 from vispeg.identify.pictures.points import Points
 from vispeg.identify.pictures.sight import Sight
-from vispeg.vision.board import Look, laid, look_at
+from vispeg.vision.board import Corners, Look, corners_in, look_at
 from vispeg.vision.eye import delay_of
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
@@ -28,22 +30,17 @@ def looks_of(geometry: Geometry, sight: Sight, world: World) -> dict[int, Look]:
 
 def corners_of(geometry: Geometry, sight: Sight, world: World, window: float) -> list[Points]:
     """Return two points per corner and frame, with normals along u and v; an offset beyond `window` px is NaN."""
-    board, looks, eye = sight.board, looks_of(geometry, sight, world), geometry.eyes[sight.camera.name]
-    places = None if board is None else laid(eye, board, list(looks.values()))
-    if board is None or places is None:
+    board = sight.board
+    if board is None:
         return []
     columns, rows = board.grid
     row, column = np.divmod(np.arange(columns * rows), columns)
     patch = PATCHES * (row * PATCHES // rows) + column * PATCHES // columns
     out, label = [], 1 + len(geometry.scene.parts)
-    for frame, look in looks.items():
-        ids = np.repeat(look.view.ids, 2)
-        where, n = places[ids], len(ids)
-        pixel = look.project(eye, where)
-        normal = np.tile(np.eye(2), (n // 2, 1))
-        away = np.repeat(look.view.pixels, 2, axis=0) - pixel
+    for frame, c in corners_in(geometry, sight.camera.name, board, looks_of(geometry, sight, world)).items():
+        ids, where, pixel, away, depth = (np.repeat(getattr(c, f.name), 2, axis=0) for f in fields(Corners))
+        n, normal = len(ids), np.tile(np.eye(2), (len(c.ids), 1))
         along = np.where(np.linalg.norm(away, axis=1) < window, np.sum(away * normal, axis=1), np.nan)
-        depth = ((where - look.pos) @ look.turn)[:, 2]
         parts = np.column_stack([np.full(n, label), label + 1 + patch[ids]])
         points = Points(np.full(n, frame), np.full(n, ROOM), where, pixel, normal, along, parts, depth)
         out.append(points.only(np.flatnonzero(np.isfinite(pixel).all(axis=1))))
