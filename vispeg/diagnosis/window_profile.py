@@ -11,7 +11,6 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.params import Param
-from vispeg.core.rules import RULES
 from vispeg.identify.restarts import Restarts
 from vispeg.identify.surface import DRAWS, cost, lowest
 from vispeg.worlds.world import World
@@ -78,6 +77,4 @@ def profile(evidence: Restarts, world: World, placed: EffectInstance, name: str,
     ends = np.quantile(bests, [0.025, 0.975])
     low, best, high = (float(back(v)) for v in (ends[0], lowest(axis, error), ends[1]))
     inside = low > values[0] * (1 + 1e-9) and high < values[-1] * (1 - 1e-9)
-    narrow = param.null <= 0 or high / max(low, 1e-12) < RULES.profile_wide
-    determined = bool(inside and narrow and error.max() > (1 + RULES.profile_flat) * error.min())
-    return Profile(f"{placed.label}.{name}", values, error, best, low, high, determined)
+    return Profile(f"{placed.label}.{name}", values, error, best, low, high, bool(inside))

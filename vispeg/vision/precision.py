@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vispeg.core.effect import EffectInstance
+from vispeg.core.rules import RULES
 from vispeg.vision.borders import Borders
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
@@ -53,7 +54,6 @@ TIMED = (  # in the order of `_of_time`
     Number("camera_delay", "delay", DELAY_STEP, 2e-3, "ms", 1e3),
     Number("rolling_shutter", "readout", DELAY_STEP, 4e-3, "ms", 1e3),
 )
-FIXTURE_PRIOR = 5e-3  # m, sigma of the known position of an object in the scene
 STEP = 1e-5  # m, of the finite difference that moves such an object
 ROBOT_M, ROBOT_RAD = 1e-4, 3.5e-4  # m, rad, sigma with which an arm comes back to a pose
 BORDER = 1.5  # px, sigma of a border point: 0.3 px, times the root of 25 neighbours that share their error
@@ -118,7 +118,7 @@ def precisions(geometry: Geometry, camera: str, views: Sequence[View]) -> list[P
         geometry.model.body_pos[body, axis] -= STEP
 
     numbers = [*PLACED, *TIMED]
-    prior = [PRIOR[n.unit] for n in numbers] + [FIXTURE_PRIOR] * len(shifts)
+    prior = [PRIOR[n.unit] for n in numbers] + [RULES.thing_known[0]] * len(shifts)
     information = np.diag(1 / np.square(prior))
     for view, into in zip(views, columns, strict=True):
         offset = np.column_stack(

@@ -25,13 +25,11 @@ class Displacements:
         along: px along the normal; NaN where no step was found.
         strength: grey levels that the step goes over.
         sigma: px, 1-sigma of `along` from the picture's noise and its pixels.
-        rival: strength of the next best step in the window over the best one's, 0 to 1.
     """
 
     along: np.ndarray
     strength: np.ndarray
     sigma: np.ndarray
-    rival: np.ndarray
 
 
 def search(picture: np.ndarray, borders: Borders, window: float = 8.0, noise: float | None = None) -> Displacements:
@@ -45,7 +43,7 @@ def search(picture: np.ndarray, borders: Borders, window: float = 8.0, noise: fl
     """
     n = len(borders)
     if not n:
-        return Displacements(*(np.zeros(0) for _ in range(4)))
+        return Displacements(*(np.zeros(0) for _ in range(3)))
     noise = noise_of_picture(picture) if noise is None else noise
     half = int(np.ceil(3 * SMOOTH / STEP))
     s = np.arange(-round(window / STEP) - half, round(window / STEP) + half + 1) * STEP
@@ -58,14 +56,12 @@ def search(picture: np.ndarray, borders: Borders, window: float = 8.0, noise: fl
     score = np.where(inside & peak, size * prior, 0.0)
     best, rows = score.argmax(1), np.arange(n)
     strength = np.where(score[rows, best] > 0, size[rows, best], 0.0)
-    apart = np.abs(s - s[best][:, None]) > 1.5 * SMOOTH
-    second = np.where(apart, score, 0.0).max(1) / np.maximum(score[rows, best], 1e-9)
     # samples closer than a pixel are not independent
     grain = noise * np.linalg.norm(_kernel(SMOOTH)) * np.sqrt(STEP * 3 / len(BESIDE))
     good = strength > max(RULES.edge_step, RULES.edge_times * grain)
     along = np.where(good, s[best] + _finer(picture, borders, s[best]), np.nan)
     sigma = np.hypot(FLOOR, SMOOTH * grain / np.maximum(strength, 1e-9))
-    return Displacements(along, strength, np.where(good, sigma, np.nan), np.where(good, second, np.nan))
+    return Displacements(along, strength, np.where(good, sigma, np.nan))
 
 
 def _finer(picture: np.ndarray, borders: Borders, middle: np.ndarray) -> np.ndarray:

@@ -23,11 +23,6 @@ OF_TIME = ("camera_delay", "rolling_shutter")  # effects that only motion shows
 class BorderSearch(PictureSearch):
     """A search whose effects other effects cannot replace, and that act the same in both recordings."""
 
-    @property
-    def least_share(self) -> float:
-        """Share as in `PictureSearch`; lower, as projection is nearly exact and `doubt` also demands a change in px."""
-        return RULES.later
-
     def ways(self, state: State, n_fixed: int) -> Sequence[Callable[[State, int], bool]]:
         """Return the moves of `PictureSearch`, then the replacement of effects by simpler or better ones."""
         return (*super().ways(state, n_fixed), self._replace)

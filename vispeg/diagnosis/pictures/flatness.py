@@ -12,19 +12,19 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vispeg.core.rules import RULES
 from vispeg.diagnosis.pictures.remainder import Left
 from vispeg.identify.pictures.corners import looks_of
 from vispeg.identify.pictures.robust import fit, noise_of
 from vispeg.identify.pictures.sight import Sight
 from vispeg.render.calibration.board import Board
-from vispeg.vision.board import Look, pose_of_board
+from vispeg.vision.board import LEAST, Look, pose_of_board
 from vispeg.vision.eye import Eye
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
 SMALL = 1e-4  # m, rad: steps of derivatives
 ROUNDS = 3  # of the pose fit and of the robust weights
+PLANE = 1e-6  # 1/mm^2, precision of the heights beforehand: those of a plane move no view
 Heights = tuple[np.ndarray, np.ndarray]  # misplacements (n,) px, and slopes (n, corners) px per mm of corner height
 
 
@@ -48,7 +48,7 @@ def judge_heights(away: np.ndarray, slopes: np.ndarray, held_away: np.ndarray, h
     """
     noise = noise_of(away)
     scales = (3 * noise, *[noise] * ROUNDS)  # wide at first, as the heights are unknown
-    heights = fit(slopes, away, scales, 1 / RULES.flat_bend**2)
+    heights = fit(slopes, away, scales, PLANE)
     predicted = held_slopes @ heights
     drop = float(np.sum(held_away**2 - (held_away - predicted) ** 2))
     size, share = float(np.sqrt(np.mean(predicted**2))), drop / max(float(np.sum(held_away**2)), 1e-9)
@@ -69,9 +69,9 @@ def _stacked(geometry: Geometry, sights: Sequence[Sight], world: World) -> Heigh
 def heights_of_views(eye: Eye, board: Board, looks: Sequence[Look]) -> Heights | None:
     """Return misplacements and slopes of all views, see `judge_heights`; None without any.
 
-    Views with fewer than `flat_corners` corners are skipped, and so are those with a corner that has no projection.
+    Views with fewer than `LEAST` corners are skipped, and so are those with a corner that has no projection.
     """
-    enough = [look for look in looks if len(look.view.ids) >= RULES.flat_corners]
+    enough = [look for look in looks if len(look.view.ids) >= LEAST]
     parts = [part for look in enough if (part := _of_view(eye, board, look)) is not None]
     return _concatenated(parts) if parts else None
 

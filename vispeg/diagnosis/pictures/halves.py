@@ -36,7 +36,7 @@ class Halves:
     def disagree(self) -> bool:
         """Whether no world of this form fits both halves."""
         times = float(stats.t.ppf(stats.norm.cdf(RULES.halves_sigma), max(1, self.views - 1)))
-        return self.difference > max(times * self.uncertainty, RULES.halves_px)
+        return self.difference > max(times * self.uncertainty, RULES.shift_px)
 
 
 def compare_halves(search: PictureSearch, borders: Borders, world: World, n_fixed: int) -> Halves | None:

@@ -53,19 +53,21 @@ def left_over(
         most = (0.0, "")  # largest drop in one bin, and the bin in words
         design = (_bins(a, key), _bins(b, key))
         gain = square = weight = 0.0
+        total = float(np.sum(trust(b["away"], noise) * b["away"] ** 2))  # px^2, of the edges that some bin explains
         for value in np.unique(design[0]):
             rows, held = design[0] == value, design[1] == value
-            if rows.sum() < RULES.left_points or held.sum() < RULES.left_points_held:
+            if min(rows.sum(), held.sum()) < RULES.left_points:
                 continue
             shift = fit(a["normal"][rows], a["away"][rows], scales, PENALTY / np.square(scales))
             predicted = b["normal"][held] @ shift
             away = b["away"][held]
-            w = np.maximum(trust(away, noise), trust(away - predicted, noise))
+            own = trust(away, noise)
+            w = np.maximum(own, trust(away - predicted, noise))
             drop = float(np.sum(w * (away**2 - (away - predicted) ** 2)))
+            total += float(np.sum((w - own) * away**2))
             if drop > 0:
                 gain, square, weight = gain + drop, square + float(np.sum(predicted**2)), weight + held.sum()
                 most = max(most, (drop, words[int(value)] if int(value) < len(words) else str(value)))
-        total = float(np.sum(np.minimum(b["away"] ** 2, 64.0)))  # px^2; at most 8 px count
         size = float(np.sqrt(square / weight)) if weight else 0.0
         out.append(Left(name, max(gain, 0.0) / max(total, 1e-9), size, most[1]))
     return sorted(out, key=lambda x: -x.share)
@@ -111,7 +113,7 @@ def _displacement(
     slope, misplaced = np.concatenate(columns or [np.zeros((0, 3))]), np.concatenate(away or [np.zeros(0)])
     good = np.isfinite(slope).all(axis=1) & np.isfinite(misplaced)
     slope, misplaced = slope[good], misplaced[good]
-    if len(misplaced) < RULES.moved_points:
+    if len(misplaced) < RULES.left_points:
         return None
     scales = (4.0, 2.0, 1.0, 0.5, 0.5)  # px, from the whole window down to inlier edges
     return tuple(fit(slope, misplaced, scales, 1 / FAR**2).tolist())

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.core.effect import OPTICAL, Effect, EffectInstance
-from vispeg.core.rules import RULES
 from vispeg.diagnosis.findings import Score, Trial
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.plain import PlainSearch
@@ -36,11 +35,6 @@ class PictureSearch(PlainSearch):
     ):
         super().__init__(evidence, judged, say, progress)
         self.least = evidence.least_change
-
-    @property
-    def least_share(self) -> float:
-        """Share as in `PlainSearch`."""
-        return RULES.later_pictures
 
     def targets(self, kind: Effect) -> list[str]:
         """Return the places of an effect; for an optical one, the cameras of the recordings."""

@@ -38,11 +38,11 @@ class SensorSearch(PictureSearch):
         """Return (effect, place) of every such effect that the world lacks; empty if no figure is out of range."""
         evidence = self.evidence
         assert isinstance(evidence, SensorEvidence)
-        odd = {name for name, size in evidence.off(world).items() if abs(size) > RULES.figure_odd}
+        odd = {name for name, size in evidence.off(world).items() if abs(size) > self.least}
         out = []
         for at in super().places(world) if odd else ():
             changed = [evidence.moves(world.add(e), world) for e in self._secants(*at).values()]
-            if any(abs(c.get(figure, 0.0)) > RULES.figure_changed for c in changed for figure in odd):
+            if any(abs(c.get(figure, 0.0)) > RULES.figure_repeats for c in changed for figure in odd):
                 out.append(at)
         return out
 
@@ -54,7 +54,7 @@ class SensorSearch(PictureSearch):
         evidence = self.evidence
         assert isinstance(evidence, SensorEvidence)
         off, moves = evidence.off(without), evidence.moves(world, without)
-        leaves = [(RULES.figure_odd + abs(off.get(k, 0.0))) / abs(v) for k, v in moves.items() if v]
+        leaves = [(self.least + abs(off.get(k, 0.0))) / abs(v) for k, v in moves.items() if v]
         return max(super().least_times(placed, world, without), min(leaves, default=np.inf))
 
     def excitations(self, world: World) -> list[Excitation]:
@@ -65,8 +65,8 @@ class SensorSearch(PictureSearch):
         judged = self.judged
         assert isinstance(judged, SensorEvidence)
         sizes = {k: judged.change(world.add(e), world) for k, e in self._secants(name, where).items()}
-        silent = tuple(k for k, size in sizes.items() if size < RULES.figure_changed)
-        return Excitation(name, where, judged.kind, max(sizes.values(), default=0.0), RULES.figure_changed, silent)
+        silent = tuple(k for k, size in sizes.items() if size < RULES.figure_repeats)
+        return Excitation(name, where, judged.kind, max(sizes.values(), default=0.0), RULES.figure_repeats, silent)
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ def decide(
         field: shift of the edges, RMS px, that depends on image position alone and that the alignment could not remove.
     """
     convincing = [x for x in remainder if _convinces(x)]
-    if field >= RULES.visible_px:
+    if field >= RULES.shift_px:
         text = f"edges are shifted by {field:.1f} px (RMS), by amounts that depend on their position in the image "
         text += "and not on the frame: a smear or streak on the lens, or a lens that the model cannot describe"
         return _unexplained(text, convincing)
@@ -83,13 +83,8 @@ def _unexplained(text: str, on: Sequence[Left] = ()) -> Verdict:
 
 
 def _convinces(x: Left) -> bool:
-    """Return whether a dependence proves an error: by its share, or by a shift that only a moved part makes.
-
-    Many edges of a moved part are too far from their borders to be found, so its share may be small.
-    """
-    return (x.share >= RULES.depends and x.size >= RULES.visible_px) or (
-        x.share >= RULES.moved_share and x.size >= RULES.moved_px
-    )
+    """Return whether a dependence proves an error."""
+    return x.share >= RULES.depends and x.size >= RULES.shift_px
 
 
 def with_sensor(borders: Verdict, sensed: Sequence[Sensed]) -> Verdict:

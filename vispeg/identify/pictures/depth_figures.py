@@ -15,12 +15,13 @@ import numpy as np
 from vispeg.core.effect import Effect
 from vispeg.core.rules import RULES
 from vispeg.identify.channels import shows
-from vispeg.identify.pictures.figure import NEVER, Figure
+from vispeg.identify.pictures.figure import Figure
 from vispeg.identify.pictures.shots import Shot
 from vispeg.vision.depth import depth_residual
 from vispeg.worlds.world import World
 
 NEARER = np.array([0.0, 0.12, 0.18, 0.25, 0.35, 0.5, 0.8])  # m: edges of the distance bins; the cell is nearer
+MIDDLE = NEARER[len(NEARER) // 2]  # m, the distance for which a lean is judged
 STEP = 0.03  # m, depth step of a border at which the near part may bleed onto the far one
 REACH = 8  # px on each side of a border
 FEW = 60  # fewest pixels for a figure
@@ -32,16 +33,18 @@ RANGES = tuple(f"{near:g} to {far:g} m" for near, far in pairwise(NEARER))
 
 
 def table() -> tuple[Figure, ...]:
-    """Return the figures of depth; the scale of an error is relative to the distance."""
-    repeats, differs = RULES.figure_depth
+    """Return the figures of depth; the scale of an error is relative to the distance.
+
+    A border that is off by a share of a pixel shows the near part in as large a share of the pixels beside it.
+    """
     return (
-        *(Figure(f"{ERROR} {at}", repeats * far, differs * far) for at, far in zip(RANGES, NEARER[1:], strict=True)),
-        *(Figure(f"lean {way}", *RULES.figure_lean) for way in ("across", "down")),
-        *(Figure(f"scatter at {at}", *RULES.figure_scatter) for at in RANGES),
-        Figure("missing", *RULES.figure_missing),
-        Figure("run of missing", 0.5, NEVER),
-        *(Figure(f"near part at {k + 1} px", *RULES.figure_near) for k in range(REACH)),
-        *(Figure(f"missing at {k + 1} px", 0.1, NEVER) for k in range(REACH)),
+        *(Figure(f"{ERROR} {at}", RULES.figure_depth * far) for at, far in zip(RANGES, NEARER[1:], strict=True)),
+        *(Figure(f"lean {way}", RULES.figure_depth * MIDDLE) for way in ("across", "down")),
+        *(Figure(f"scatter at {at}", RULES.figure_noise) for at in RANGES),
+        Figure("missing", RULES.figure_missing),
+        Figure("run of missing", 2.0, counts=False),
+        *(Figure(f"near part at {k + 1} px", RULES.shift_px) for k in range(REACH)),
+        *(Figure(f"missing at {k + 1} px", 2 * RULES.shift_px, counts=False) for k in range(REACH)),
     )
 
 

@@ -12,9 +12,8 @@ from typing import Protocol
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.worlds.world import World
-
-NEVER = 1e9  # `ordinary` of a figure that helps to fit effects but is never the reason to name one
 
 
 @dataclass(frozen=True)
@@ -23,13 +22,18 @@ class Figure:
 
     Attributes:
         name: in words.
-        floor: standard deviation of the figure with a correct model, at best.
         ordinary: difference between good sensors and between appearances; anything smaller is no effect.
+        counts: whether it may be the reason to name an effect; else it only helps to fit one.
     """
 
     name: str
-    floor: float
     ordinary: float
+    counts: bool = True
+
+    @property
+    def floor(self) -> float:
+        """Standard deviation of the figure with a correct model, at best."""
+        return RULES.figure_repeats * self.ordinary
 
 
 class Figures(Protocol):

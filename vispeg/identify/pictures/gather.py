@@ -7,30 +7,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from vispeg.core.rules import RULES
 from vispeg.identify.pictures.corners import corners_of
 from vispeg.identify.pictures.points import Points, pixels
 from vispeg.identify.pictures.sight import Sight
 from vispeg.vision.borders import Borders, borders_of
 from vispeg.vision.eye import delay_of, values_of
 from vispeg.vision.predict import Predictor
-from vispeg.vision.search import search
+from vispeg.vision.search import SMOOTH, search
 from vispeg.worlds.world import World
 
 SPACING = 3.0  # px between points along a border
+ALONE = 3 * SMOOTH  # px to the next border: the search's kernel reaches as far
 
 
 def gather(predictor: Predictor, sight: Sight, world: World, window: float) -> Points:
     """Return the predicted points of borders and board corners, each with its measured offset within `window` px."""
     name, geometry, parts = sight.camera.name, predictor.geometry, []
     for i, rgb, b in _drawn(predictor, sight, world):
-        ahead, behind = (
-            geometry.cast(name, b.pixel + side * b.normal)[2] for side in (RULES.edge_beside, -RULES.edge_beside)
-        )
-        b = b.some((ahead == b.parts[:, 1]) & (behind == b.parts[:, 0]))
-        edges = search(rgb, b, window)
-        sure = (edges.rival < RULES.edge_rival) & (edges.strength > RULES.edge_faint)
-        parts.append(_points(i, b, np.where(sure, edges.along, np.nan)))
+        b = b.some(b.free.min(axis=1) > ALONE)
+        parts.append(_points(i, b, search(rgb, b, window).along))
     points = _joined([*parts, *corners_of(geometry, sight, world, window)])
     if not len(points.frame) or not values_of(geometry.world, "rolling_shutter", name):
         return points

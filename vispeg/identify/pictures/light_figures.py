@@ -31,7 +31,7 @@ EDGES = 30  # fewest border points for a blur
 FAST = 60.0  # px/s along the normals, least spread of border speeds that shows motion blur
 STILL = 1.0  # px/s, below which a border counts as still
 QUIET = 0.2  # quantile of local scatter: the quietest places have noise but no texture
-GRAIN = 2.5  # code values, standard deviation of an ordinary camera's noise
+GRAIN = 3.8  # code values, standard deviation of an ordinary camera's noise: 1.5 % of the range
 WINDOW = 3.0  # px within which the edge of a border is searched
 NOISE, MOTION = "rgb_noise", "motion_blur"
 
@@ -39,13 +39,13 @@ NOISE, MOTION = "rgb_noise", "motion_blur"
 def table() -> tuple[Figure, ...]:
     """Return the figures of light."""
     return (
-        Figure("light", *RULES.figure_light),
-        Figure("red", *RULES.figure_colour),
-        Figure("blue", *RULES.figure_colour),
-        Figure("fall-off", *RULES.figure_falloff),
-        Figure("softness", *RULES.figure_softness),
-        Figure("smear", *RULES.figure_smear),
-        *(Figure(f"noise, bin {k}", *RULES.figure_noise) for k in range(len(LEVELS) - 1)),
+        Figure("light", RULES.figure_light),
+        Figure("red", RULES.figure_colour),
+        Figure("blue", RULES.figure_colour),
+        Figure("fall-off", RULES.figure_light),
+        Figure("softness", RULES.figure_softness),
+        Figure("smear", (1e3 * RULES.figure_exposure) ** 2 / 12),
+        *(Figure(f"noise, bin {k}", RULES.figure_noise) for k in range(len(LEVELS) - 1)),
     )
 
 

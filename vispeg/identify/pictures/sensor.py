@@ -133,12 +133,12 @@ class SensorEvidence(Evidence):
     @property
     def least_gain(self) -> float:
         """Share of the held-out squared error that an added effect must remove."""
-        return RULES.gain_sensor
+        return RULES.gain
 
     @property
     def most_effects(self) -> int:
         """Largest number of effects that a search may add."""
-        return RULES.effects_fewest
+        return RULES.effects_few
 
     def blocks(self, seconds: float | None = None) -> np.ndarray:
         """Return the frame of each residual entry."""
@@ -169,13 +169,14 @@ class SensorEvidence(Evidence):
     def _apart(self, first: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> dict[str, float]:
         """Return by name the median difference of each figure over the frames, over its `ordinary`.
 
-        Of several items that of the largest size; a figure known in under a third of an item's frames is not counted.
+        Of several items that of the largest size; figures that do not count, and those known in under a third of an
+        item's frames, are left out.
         """
         out: dict[str, float] = {}
         for item, a, b in zip(self.items, first, other, strict=True):
             for k, figure in enumerate(item.figures.table):
                 apart = (a - b)[:, k][np.isfinite((a - b)[:, k])]
-                if len(apart) >= len(a) / 3:
+                if figure.counts and len(apart) >= len(a) / 3:
                     times = float(np.median(apart) * item.each[k] / figure.ordinary)
                     out[figure.name] = max(times, out.get(figure.name, 0.0), key=abs)
         return out
@@ -216,7 +217,7 @@ class SensorEvidence(Evidence):
 def sensor_evidence(
     scene: Scene, shots: Sequence[tuple[Sight, Sequence[Shot]]], kind: Kind, world: World
 ) -> SensorEvidence | None:
-    """Return the figures of some sights' frames, or None if too few frames have such a picture.
+    """Return the figures of some sights' frames, or None if no frame has such a picture.
 
     Args:
         scene: the cell.
@@ -229,7 +230,7 @@ def sensor_evidence(
     items = []
     for sight, taken in shots:
         has = [s for s in taken if (s.depth if kind == "depth" else s.rgb) is not None]
-        if len(has) < RULES.frames_sensor:
+        if not has:
             continue
         figures = DepthFigures(has, _ordinary(sight)) if kind == "depth" else LightFigures(has, lit)
         items.append(FigureItem(sight, figures, _scatter(figures, world), kind))

@@ -24,8 +24,7 @@ def _edges(p: Points, scale: np.ndarray, away: np.ndarray) -> list[np.ndarray]:
     """
     facing = np.round(np.arctan2(p.normal[:, 1], p.normal[:, 0]) / (np.pi / 2)).astype(int) % 4
     one_way, out = np.column_stack([p.parts, facing]), []
-    place = np.column_stack([p.body, facing, np.floor(p.local / RULES.edge_place).astype(int)])
-    for labels in (facing[:, None], p.parts, one_way, place):
+    for labels in (facing[:, None], p.parts, one_way):
         for rows in _alike(labels):
             remainder = abs(scale[rows] @ away[rows]) / max(scale[rows] @ scale[rows], 1e-9)
             out.append(rows * max(RULES.edge_shift, remainder) * scale)
@@ -39,12 +38,15 @@ def _alike(labels: np.ndarray) -> list[np.ndarray]:
 
 
 def _things(geometry: Geometry, p: Points) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Return for each object its points (n,) bool, centre of rotation (3,) m and sigmas of its pose (6,) m, rad."""
+    """Return for each object its points (n,) bool, centre of rotation (3,) m and sigmas of its pose (6,) m, rad.
+
+    Where a board was laid down is not known: its sigmas are so large that the pictures alone decide.
+    """
     scene, model = geometry.scene, geometry.model
     board = p.parts[:, 0] > len(scene.parts)
     middle = p.local[board].mean(axis=0) if board.any() else np.zeros(3)
     fixed = [(p.body == model.body(name).id, np.zeros(3), np.repeat(RULES.thing_known, 3)) for name in scene.things]
-    return [thing for thing in (*fixed, (board, middle, np.repeat(RULES.board_known, 3))) if thing[0].any()]
+    return [thing for thing in (*fixed, (board, middle, np.ones(6))) if thing[0].any()]
 
 
 def nuisances(geometry: Geometry, item: Item, world: World, arm: Postures) -> tuple[np.ndarray, np.ndarray]:
