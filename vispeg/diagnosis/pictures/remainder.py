@@ -53,7 +53,6 @@ def left_over(
         most = (0.0, "")  # largest drop in one bin, and the bin in words
         design = (_bins(a, key), _bins(b, key))
         gain = square = weight = 0.0
-        total = float(np.sum(trust(b["away"], noise) * b["away"] ** 2))  # px^2, of the edges that some bin explains
         for value in np.unique(design[0]):
             rows, held = design[0] == value, design[1] == value
             if min(rows.sum(), held.sum()) < RULES.left_points:
@@ -61,13 +60,12 @@ def left_over(
             shift = fit(a["normal"][rows], a["away"][rows], scales, PENALTY / np.square(scales))
             predicted = b["normal"][held] @ shift
             away = b["away"][held]
-            own = trust(away, noise)
-            w = np.maximum(own, trust(away - predicted, noise))
+            w = np.maximum(trust(away, noise), trust(away - predicted, noise))
             drop = float(np.sum(w * (away**2 - (away - predicted) ** 2)))
-            total += float(np.sum((w - own) * away**2))
             if drop > 0:
                 gain, square, weight = gain + drop, square + float(np.sum(predicted**2)), weight + held.sum()
                 most = max(most, (drop, words[int(value)] if int(value) < len(words) else str(value)))
+        total = float(np.sum(np.minimum(b["away"] ** 2, 64.0)))  # px^2; at most 8 px count
         size = float(np.sqrt(square / weight)) if weight else 0.0
         out.append(Left(name, max(gain, 0.0) / max(total, 1e-9), size, most[1]))
     return sorted(out, key=lambda x: -x.share)

@@ -83,8 +83,13 @@ def _unexplained(text: str, on: Sequence[Left] = ()) -> Verdict:
 
 
 def _convinces(x: Left) -> bool:
-    """Return whether a dependence proves an error."""
-    return x.share >= RULES.depends and x.size >= RULES.shift_px
+    """Return whether a dependence proves an error: by its share, or by a shift that only a moved part makes.
+
+    Many edges of a moved part are too far from their borders to be found, so its share may be small.
+    """
+    return (x.share >= RULES.depends and x.size >= RULES.shift_px) or (
+        x.share >= RULES.moved_share and x.size >= RULES.moved_px
+    )
 
 
 def with_sensor(borders: Verdict, sensed: Sequence[Sensed]) -> Verdict:
