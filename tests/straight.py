@@ -9,12 +9,11 @@ from pathlib import Path as Folder
 import numpy as np
 
 from vispeg.contact.evidence import ContactEvidence
-from vispeg.contact.hand import Grasp, grasp, hand
+from vispeg.contact.hand import hand
 from vispeg.contact.inputs import ContactItem, Touching
 from vispeg.contact.path import Path
 from vispeg.contact.phases import Phases
 from vispeg.contact.selection.search import ContactSearch
-from vispeg.contact.thin import PART
 from vispeg.core.effect import effect
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.selection.judge import Judge
@@ -29,10 +28,9 @@ DOWN = np.array([0.0, 1, 0, 0])  # of the flange, w x y z
 
 
 @lru_cache
-def held() -> tuple[Scene, Grasp]:
-    """The hand that holds the cell's part, and its springs."""
-    springs = grasp(0.2, 5e-5)
-    return hand(SCENE, springs), springs
+def held() -> Scene:
+    """The hand that holds the cell's part."""
+    return hand(SCENE)
 
 
 def path(place: np.ndarray, origin: np.ndarray, goal: np.ndarray | None = None, step: float = 1e-3) -> Path:
@@ -67,11 +65,11 @@ def blocks(
         ~no if used is None else used, (slice(0, m),),
     )  # fmt: skip
     sides = tuple(Channel(kind, flat, np.ones((m, 3)), np.ones((m, 3), bool)) for kind in ("force", "moment"))
-    wrench, (scene, springs) = np.zeros((m, 6)), held()
+    wrench, scene = np.zeros((m, 6)), held()
     segment = Segment(rec.control, RULES.contact_block, {}, rec.q, rec.q, rec.q, rec.time, np.arange(m))
     return ContactItem(
         rec, segment, scene, sides, path=way, phase=phase, source=Touching(rec, SCENE, wrench), armless=scene,
-        springs=springs, path_response=np.zeros((6, m, 6)), reading_response=np.zeros((m, 6, 6)),
+        path_response=np.zeros((6, m, 6)), reading_response=np.zeros((m, 6, 6)),
     )  # fmt: skip
 
 
@@ -86,7 +84,6 @@ class Straight(ContactEvidence):
 
     def __init__(self, hidden: np.ndarray, slopes: Mapping[tuple[str, str], np.ndarray]):
         self.hidden, self.slopes, self.asked = hidden, slopes, 0
-        self.part = PART
         self.items = [blocks(np.zeros(len(hidden) // 6, int))]
         self.recordings, self.nthread, self.notes = [self.items[0].recording], 1, []
         self.absent: set[tuple[str, str]] = set()
@@ -106,10 +103,6 @@ class Straight(ContactEvidence):
                 if (e.effect, name) in self.slopes:
                     out -= self.slopes[e.effect, name] * (value.value - effect(e.effect).params[name].null)
         return out
-
-    def residuals_in_part(self, worlds: Sequence[World]) -> list[np.ndarray]:
-        """Return residuals of which each block has the same share `1 / PART` of the squares."""
-        return [r / PART**0.5 for r in self.residuals(worlds)]
 
     def as_read(self, world: World) -> float:
         """Return the squared residual, without any nuisance."""

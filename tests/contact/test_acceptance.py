@@ -13,7 +13,8 @@ from vispeg.contact.drive import Driven
 from vispeg.contact.items import predicted
 from vispeg.contact.phases import NAMES
 from vispeg.contact.run import evidence_of
-from vispeg.contact.selection.profile import outward, probed, strongest, tries
+from vispeg.contact.selection.profile import outward, probed, tries
+from vispeg.contact.selection.screen import Screen
 from vispeg.contact.selection.search import ContactSearch
 from vispeg.contact.selection.spare import may_be_absent, remove_uncertain, remove_unneeded
 from vispeg.contact.sensor import true_per_read
@@ -74,28 +75,10 @@ def offset_by(x: float) -> dict:
 
 def test_sizes_are_tried_from_none_outward_until_one_is_felt_and_none_promises():
     """Past what is hidden towards it, once away from it and where nothing is, to the end where nothing is felt."""
-    tried = [
-        p.placed.params[p.name].value
-        for p in probed(Straight(**offset_by(2e-3)), World(), [("hole_offset", "fixture")], 50.0)
-    ]
-    names = [p.name for p in probed(Straight(**offset_by(2e-3)), World(), [("hole_offset", "fixture")], 50.0)]
+    probes = probed(Screen(Straight(**offset_by(2e-3)), World(), ()), [("hole_offset", "fixture")], 50.0)
+    tried, names = [p.placed.params[p.name].value for p in probes], [p.name for p in probes]
     by = {k: sorted(v for n, v in zip(names, tried, strict=True) if n == k) for k in "xyz"}
     assert by == {"x": [-3e-4, 3e-4, 1e-3, 3e-3], "y": [-3e-4, 3e-4], "z": [-3e-3, -1e-3, -3e-4, 3e-4, 1e-3, 3e-3]}
-
-
-class Loud(Straight):
-    """Its part begins in contact and sees all ten times as strongly; 0.3 mm is asked of the part alone."""
-
-    def residuals_in_part(self, worlds):
-        return [10 * r for r in self.residuals(worlds)]
-
-
-def test_a_size_seen_by_a_part_alone_gains_no_more_than_the_best_of_all_recordings():
-    evidence = Loud(**offset_by(2.5e-3))
-    (best,) = strongest(probed(evidence, World(), [("hole_offset", "fixture")], 50.0))
-    before, after = (float(r @ r) for r in evidence.residuals([World(), World().add(best.placed)]))
-    assert best.placed.params["x"].value == pytest.approx(3e-3)
-    assert best.gain == pytest.approx(before - after)
 
 
 def test_every_size_of_an_effect_lies_on_one_way_from_none():

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from vispeg.contact.again.closed_loop import at_ends, closed_loop, contradicted, ended_alike, first_episode
+from vispeg.contact.selection.repeats import repeats
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.params import Value
-from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.findings import Verdict
 from vispeg.recordings.cell import CellBelief
@@ -109,7 +109,7 @@ def test_a_verdict_stays_where_the_model_ends_as_the_insertion_did(case):
     for name, model in models.items():
         replayed, _ = closed_loop([rec], {name: model})
         verdict = contradicted(SURE, replayed, [rec], model, 0, 1)
-        arm_is_right = replayed[0]["trials"][name]["free_off"] < RULES.arm_free
+        arm_is_right = replayed[0]["trials"][name]["free_off"] < repeats()["m"]
         assert arm_is_right == (name == "corrected" or case != "stiff joint")
         if (case, name) != ("too tight", "given"):
             assert verdict is SURE

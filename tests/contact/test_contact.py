@@ -14,13 +14,13 @@ from scipy import stats
 from vispeg.contact.drive import hands
 from vispeg.contact.errors.noise import excess_noise, noise, noise_at_rest
 from vispeg.contact.errors.nuisance import Nuisance
-from vispeg.contact.hand import AXES, grasp, hand
+from vispeg.contact.hand import AXES, hand
 from vispeg.contact.inputs import touching
 from vispeg.contact.path import jacobian
 from vispeg.contact.run import compare_contact, diagnose_contact, evidence_of
 from vispeg.contact.selection.likely import intervals
 from vispeg.contact.selection.profile import idle, looked_for, places, probed, strongest, tries
-from vispeg.contact.selection.screen import Probe
+from vispeg.contact.selection.screen import Probe, Screen
 from vispeg.contact.selection.search import ContactSearch
 from vispeg.core.effect import STAGES, EffectInstance, effect
 from vispeg.core.errors import UserError
@@ -65,7 +65,7 @@ def test_the_hand_touches_the_world_s_geoms_as_the_scene_does():
         return spec
 
     scene = replace(SCENE, build=changed)
-    ours, whole = hand(scene, grasp(0.1, 5e-5)).compile(), scene.compile()
+    ours, whole = hand(scene).compile(), scene.compile()
     names = [g.name for g in scene.spec().worldbody.geoms if g.contype or g.conaffinity]
     assert names
     for field in ("condim", "margin", "gap", "solmix", "friction", "priority", "solref", "solimp", "size", "pos"):
@@ -76,7 +76,7 @@ def test_the_hand_touches_the_world_s_geoms_as_the_scene_does():
 
 def test_the_jacobian_of_the_hand_is_mujoco_s():
     """Power of a wrench: forces of the joints are J' w with the Jacobian of the flange's point."""
-    model = hand(SCENE, grasp(0.1, 5e-5)).compile()
+    model = hand(SCENE).compile()
     data, rng = mujoco.MjData(model), stream(1, "hand")
     data.qpos[:6] = 0.4 * rng.standard_normal(6)
     mujoco.mj_forward(model, data)
@@ -144,10 +144,12 @@ def test_frames_and_signs_of_the_sensor_are_undone():
 def test_a_fit_finds_what_is_hidden_inside_its_interval(hidden):
     """As a search fits it: from the best size of its profile, without the parameters that gain nothing there."""
     evidence = evidence_of([recorded((hidden,)), recorded((hidden,), 1, True)])
-    probes = probed(evidence, World(), [(hidden.effect, hidden.where)])
+    probes = probed(Screen(evidence, World(), ()), [(hidden.effect, hidden.where)], 30.0)
     evidence.absent = idle(probes)
     start = World().add(strongest(probes)[0].placed)
     (fit,) = run_together([fit_job(evidence, start, [0], iterations=6)], evidence.residuals)
+    best = fit.space.at(intervals(evidence, fit)[1])  # a lower residual may be met on the way to the ends
+    (fit,) = run_together([fit_job(evidence, best, [0], iterations=2)], evidence.residuals)
     name = "z" if hidden is FIXTURE else "scale"
     got, true = intervals(evidence, fit)[0].effects[0].params[name], hidden.params[name].value
     assert got.low <= true <= got.high
@@ -165,23 +167,13 @@ def test_every_effect_that_is_looked_for_says_where_when_and_at_which_sizes():
 def test_a_profile_ranks_the_class_first_and_names_what_nothing_excites():
     evidence = evidence_of([recorded((FIXTURE,))])
     asked = [p for p in places(evidence, World()) if effect(p[0]).stage == "compliance"]
-    scores = strongest(probed(evidence, World(), asked))
+    scores = strongest(probed(Screen(evidence, World(), ()), asked, 30.0))
     assert scores[0].key == ("fixture_compliance", "fixture")
     air = evidence_of([upto(recorded(), 0.7)])
-    assert all(s.gain == -np.inf for s in strongest(probed(air, World(), asked))), (
+    assert all(s.gain == -np.inf for s in strongest(probed(Screen(air, World(), ()), asked, 30.0))), (
         "in free air nothing of contact shows"
     )
     assert len(tries("fixture_compliance", "fixture")) == 15
-
-
-def test_a_short_recording_is_screened_whole():
-    """In a third of it, errors of the path explain nearly all that a compliance of the fixture does."""
-    rec, rng = recorded((FIXTURE,)), stream(5, "louder")
-    louder = np.repeat([0.25, 0.0], 3) * rng.standard_normal(rec.ft.shape)
-    evidence = evidence_of([replace(rec, ft=rec.ft + louder)])
-    (best,) = strongest(probed(evidence, World(), [("fixture_compliance", "fixture")], SURE))
-    before, after = (float(r @ r) for r in evidence.residuals([World(), World().add(best.placed)]))
-    assert best.gain == pytest.approx(before - after) and best.gain > 0.7 * before
 
 
 def test_nuisances_are_whitened_by_the_inverse_root_of_their_covariance():
@@ -191,16 +183,6 @@ def test_nuisances_are_whitened_by_the_inverse_root_of_their_covariance():
     left = Nuisance.of(columns)
     root = np.stack([left.whitened(e.reshape(10, 6)).ravel() for e in np.eye(60)])
     np.testing.assert_allclose(root @ (np.eye(60) + columns @ columns.T) @ root, np.eye(60), atol=3e-3)
-
-
-def test_nuisances_of_a_part_are_whitened_as_if_there_were_no_others():
-    """The rows that are looked at are whitened by their own covariance, as if there were no others."""
-    rng = stream(4, "nuisance")
-    columns, rows = rng.standard_normal((60, 4)) * [0.5, 2.0, 10.0, 1.0], np.arange(60) % 3 == 0
-    whole, alone = Nuisance.of(columns).of_rows(rows), Nuisance.of(columns[rows])
-    residual = rng.standard_normal(60) * rows
-    np.testing.assert_allclose(whole.whitened(residual)[rows], alone.whitened(residual[rows]), atol=1e-12)
-    np.testing.assert_allclose(whole.whitened(residual)[~rows], 0.0, atol=1e-12)
 
 
 def test_a_height_within_the_kinematics_trust_is_no_evidence_and_one_beyond_it_is():

@@ -7,7 +7,7 @@ from pressed import SCENE
 from scipy.spatial.transform import Rotation
 
 from vispeg.contact.drive import drive
-from vispeg.contact.hand import grasp, hand
+from vispeg.contact.hand import hand
 from vispeg.contact.items import driven
 from vispeg.contact.path import Path, jacobian
 from vispeg.contact.run import evidence_of
@@ -42,7 +42,7 @@ def swung(amplitude: float, hz: float = 0.5) -> Path:
 def test_what_moves_a_hand_in_free_air_is_its_mass_times_its_acceleration():
     """Read as nothing, the whole force that a swing needs is the correction: `F = m a`, to a hundredth."""
     path = swung(0.1)
-    one = hand(SCENE, grasp(0.1, 5e-5))
+    one = hand(SCENE)
     windows, zeros = [slice(0, len(path.time))], np.zeros((1, len(path.time), 6))
     out = drive(one, SCENE, path, [World()], zeros, slice(0, 200), windows, 1)
     model, steady = one.compile(), np.abs(path.time - 2.0) < 0.8

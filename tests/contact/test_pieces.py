@@ -8,7 +8,7 @@ import pytest
 from mujoco import batch as mjb
 from straight import path
 
-from vispeg.contact.hand import grasp, hand
+from vispeg.contact.hand import hand
 from vispeg.contact.pieces import ALONG, BESIDE, INSIDE, LEAST, OVER, Pieces, less_damped, odds, stretches, tip_places
 from vispeg.effects.contact.contact_stiffness import scaled
 from vispeg.robots.hole import TOUCHED, UNTOUCHED
@@ -16,7 +16,7 @@ from vispeg.robots.scene import build
 from vispeg.sim.compiled import compiled
 
 SCENE = build()
-HAND = hand(SCENE, grasp(0.2, 5e-5))
+HAND = hand(SCENE)
 
 
 def test_inside_pieces_share_the_stiffness_of_what_is_held_and_outside_each_has_it():

@@ -7,6 +7,7 @@ import pytest
 from straight import Straight, search
 
 from vispeg.contact.selection.profile import probed
+from vispeg.contact.selection.screen import Screen
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
 from vispeg.worlds.world import World
@@ -34,8 +35,10 @@ def test_beside_an_effect_another_gains_what_both_fitted_together_do():
     alone, *_ = np.linalg.lstsq(HOLE, HIDDEN, rcond=None)
     world = World().add(EffectInstance.of(*OFFSET, x=alone[0], y=alone[1]))
     before = float(np.sum(evidence.residuals([world])[0] ** 2))
-    as_it_is = {p.placed.params["x"].value: p.gain for p in probed(evidence, world, [GRIP]) if p.name == "x"}
-    anew = {p.placed.params["x"].value: p for p in probed(evidence, world, [GRIP], free=[0]) if p.name == "x"}
+    as_it_is = {
+        p.placed.params["x"].value: p.gain for p in probed(Screen(evidence, world, ()), [GRIP], 30.0) if p.name == "x"
+    }
+    anew = {p.placed.params["x"].value: p for p in probed(Screen(evidence, world, [0]), [GRIP], 30.0) if p.name == "x"}
     assert max(as_it_is.values()) < 0.1 * before
     for size, probe in anew.items():
         rest = HIDDEN - GRASP * size
@@ -63,7 +66,9 @@ class Threshold(Straight):
 def test_sizes_of_a_threshold_are_tried_beyond_one_that_a_straight_line_calls_the_best():
     """A grip of 0.6 explains nine tenths, and so does every size along a line through it; one of 0.3 explains all."""
     evidence = Threshold()
-    sizes = {p.placed.params["grip"].value: p for p in probed(evidence, World(), [("gripper_slip", "peg")], 30.0)}
+    sizes = {
+        p.placed.params["grip"].value: p for p in probed(Screen(evidence, World(), ()), [("gripper_slip", "peg")], 30.0)
+    }
     near = sizes[0.6]
     assert near.gain > 0.9 * near.promise > 0
     assert max(sizes, key=lambda g: sizes[g].gain) == 0.3

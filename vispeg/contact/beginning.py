@@ -16,10 +16,12 @@ from vispeg.contact.phases import Phases, phases, tool_mass
 from vispeg.core.errors import UserError
 from vispeg.core.rules import RULES
 from vispeg.recordings.recording import Recording
+from vispeg.recordings.regimes import Thresholds
 from vispeg.robots.scene import Scene
 from vispeg.sim.touch import Touch
 
 H_MAX = 1e-3  # s, largest physics step: at twice this, sliding friction drops by 10 %
+TOUCH = Thresholds().touch  # N: no smaller force counts as contact, nor does a lighter tool's weight here
 MILLI = 1e3  # newtons to millinewtons: no arm presses with a thousand times its tool's weight
 
 
@@ -87,16 +89,12 @@ def _refuse_foreign(t: Touching, paths: Sequence[tuple[Path, Phases | None]]) ->
     size, wanted = np.linalg.norm(reads), np.linalg.norm(weight)
     says = f"about the tool's weight, {_newtons(weight)} N (flange x, y, z)"
     if tared(t.recording):
-        foreign, says = begun is not None and size > RULES.weight_zeroed, "nothing"
+        foreign, says = begun is not None and size > RULES.weight_times * TOUCH, "nothing"
     elif begun is not None:
         towards = float(reads @ weight) >= RULES.weight_towards * size * wanted
-        foreign = wanted > RULES.weight_felt and not (
-            towards and wanted / RULES.weight_times < size < RULES.weight_times * wanted
-        )
+        foreign = wanted > TOUCH and not (towards and wanted / RULES.weight_times < size < RULES.weight_times * wanted)
     else:
-        foreign = (
-            wanted > RULES.weight_felt and wanted / RULES.weight_times < size / MILLI < RULES.weight_times * wanted
-        )
+        foreign = wanted > TOUCH and wanted / RULES.weight_times < size / MILLI < RULES.weight_times * wanted
     if foreign:
         raise UserError(
             "`ft` at rest in free air is not what the tool weighs",

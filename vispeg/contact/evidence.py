@@ -13,11 +13,9 @@ import numpy as np
 
 from vispeg.contact.drive import built_alike
 from vispeg.contact.errors.nuisance import nuisance
-from vispeg.contact.hand import grasp, hand
+from vispeg.contact.hand import hand
 from vispeg.contact.inputs import ContactItem, Touching
 from vispeg.contact.items import driven, items_of, predicted
-from vispeg.contact.sensor import trusted
-from vispeg.contact.thin import driven_blocks, part, pieces
 from vispeg.contact.torques import notes
 from vispeg.core.effect import Effect
 from vispeg.core.robust import huber
@@ -37,28 +35,16 @@ class ContactEvidence(Evidence):
     Args:
         touching: recordings, each with its cell.
         nthread: threads of the simulation.
-
-    Attributes:
-        part: number of pieces of which a screen simulates one.
     """
 
     def __init__(self, touching: Sequence[Touching], *, nthread: int = 1):
         self.recordings, self.nthread = [t.recording for t in touching], nthread
-        force, place = trusted([t.recording for t in touching], [t.torques is None for t in touching])
-        self.hold = grasp(force, place)
         hands: dict[int, Scene] = {}
         self.items: list[ContactItem] = []
         for t in touching:
-            scene = hands.setdefault(id(t.scene), hand(t.scene, self.hold))
-            self.items += items_of(t, scene, SECONDS / len(touching), self.hold, nthread)
+            scene = hands.setdefault(id(t.scene), hand(t.scene))
+            self.items += items_of(t, scene, SECONDS / len(touching), nthread)
         self.nuisance = nuisance(self.items)
-        self.part = part([i.phase for i in self.items])
-        windows = [pieces(i.phase, self.part) for i in self.items]
-        self.left_out = [
-            ~driven_blocks(i.phase, w) & ~i.phase.resting for i, w in zip(self.items, windows, strict=True)
-        ]
-        rows = [np.repeat(~out, i.measured.shape[1]) for i, out in zip(self.items, self.left_out, strict=True)]
-        self.nuisance_in_part = self.nuisance.of_rows(np.concatenate(rows))
         self.notes: list[str] = notes([(t.recording, t.torques) for t in touching])
         self.notes += [line for rec in self.recordings for line in missing.said(rec)]
         self.absent: set[tuple[str, str]] = set()
@@ -77,8 +63,8 @@ class ContactEvidence(Evidence):
 
     @property
     def decisive(self) -> float:
-        """Drop of the squared whitened residual beyond chance, even with correlated errors."""
-        return RULES.contact_decisive
+        """Drop of the held-out squared residual beyond chance: what is no tie."""
+        return self.tied
 
     @property
     def alike(self) -> float:
@@ -104,14 +90,6 @@ class ContactEvidence(Evidence):
     def tied(self) -> float:
         """Drop of the held-out squared residual within chance: smaller differences do not rank two worlds."""
         return RULES.contact_correlated * RULES.contact_tied
-
-    def tells(self, difference: np.ndarray) -> np.ndarray:
-        """Return whether each `difference` (k,) of losses distinguishes two worlds, (k,) bool; small ones do not.
-
-        An effect of contact shows in few blocks, and hardly in most.
-        """
-        size = np.abs(difference)
-        return size >= max(1.0, RULES.contact_tie * float(size.max(initial=0.0)))
 
     def stretches(self, blocks: np.ndarray) -> np.ndarray:
         """Return the number of the visit to a phase in which each block of residuals begins, (nblock,).
@@ -158,11 +136,10 @@ class ContactEvidence(Evidence):
         for w in range(len(worlds)):
             yield np.concatenate([r.ravel() for r in self.whitened([y[w] for y in per_item])])
 
-    def whitened(self, predicted: Sequence[np.ndarray], in_part: bool = False) -> list[np.ndarray]:
+    def whitened(self, predicted: Sequence[np.ndarray]) -> list[np.ndarray]:
         """Return for each item the residual (m, 6) of a world, whitened by the covariance of nuisances."""
         parts = [self.whiten(item, y) for item, y in zip(self.items, predicted, strict=True)]
-        errors = self.nuisance_in_part if in_part else self.nuisance
-        flat = huber(errors.whitened(np.concatenate([p.ravel() for p in parts])), RULES.contact_far)
+        flat = huber(self.nuisance.whitened(np.concatenate([p.ravel() for p in parts])), RULES.contact_far)
         ends = np.cumsum([p.size for p in parts])[:-1]
         return [r.reshape(p.shape) for r, p in zip(np.split(flat, ends), parts, strict=True)]
 
@@ -183,23 +160,14 @@ class ContactEvidence(Evidence):
         predicted = self.simulated([world])
         return np.concatenate([self.whiten(item, y[0]).ravel() for item, y in zip(self.items, predicted, strict=True)])
 
-    def _simulated(self, worlds: Sequence[World], in_part: bool = False) -> list[np.ndarray]:
+    def _simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
         out = [np.empty((len(worlds), *i.measured.shape)) for i in self.items]
         for rows in built_alike(worlds):
             for item, values in zip(self.items, out, strict=True):
-                windows = pieces(item.phase, self.part) if in_part else item.phase.windows
                 for batch in np.split(rows, range(ROWS, len(rows), ROWS)):
                     these = [worlds[r] for r in batch]
-                    values[batch] = predicted(item, driven(item, these, self.nthread, windows), these)
+                    values[batch] = predicted(item, driven(item, these, self.nthread), these)
         return out
-
-    def residuals_in_part(self, worlds: Sequence[World]) -> list[np.ndarray]:
-        """Return whitened residuals for screening many worlds: of about one block in `part`, the others 0."""
-        per_item = self._simulated(worlds, in_part=True)
-        for item, values, left_out in zip(self.items, per_item, self.left_out, strict=True):
-            values[:, left_out] = item.measured[left_out]
-        residuals = [self.whitened([y[w] for y in per_item], in_part=True) for w in range(len(worlds))]
-        return [np.concatenate([r.ravel() for r in parts]) for parts in residuals]
 
     def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Return for each item the wrenches (nworld, m, 6) N and N m that worlds need to follow the measured path."""

@@ -8,11 +8,12 @@ nor vice versa.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.robots import furniture
 from vispeg.robots.scene import Scene
 
@@ -22,39 +23,25 @@ PRIORITY = 2  # priority of the goal's pieces over what is held, see `vispeg.con
 MARK = "attached-"  # MuJoCo needs a prefix for elements attached from another spec
 COPIED = ("name", "type", "size", "pos", "quat", "contype", "conaffinity", "condim", "priority", "friction")
 COPIED += ("solmix", "solref", "solimp", "margin", "gap")
-
-
-@dataclass(frozen=True)
-class Grasp:
-    """Stiffness and damping with which the model is held to the measured path.
-
-    Attributes:
-        stiffness: (6,) N/m and N m/rad: the wrench sensor's uncertainty over that of the pose.
-        damping: (6,) N s/m and N m s/rad.
-    """
-
-    stiffness: np.ndarray
-    damping: np.ndarray
-
-
 MASS, INERTIA = 0.8, 0.02  # kg, kg m^2: of a hand, for critical damping
 LEVER = 0.1  # m: torques count as forces at this distance, and angles as displacements
 UNITS = np.repeat([1.0, LEVER], 3)  # N and N m of a wrench whose components are alike
 
 
-def grasp(force: float, place: float) -> Grasp:
-    """Return the grasp for a wrench accurate to `force` (N) and a path accurate to `place` (m)."""
-    linear = float(np.clip(force / place, 500.0, 2e4))
-    k = linear * UNITS**2
-    return Grasp(k, 2 * np.sqrt(k * np.repeat([MASS, INERTIA], 3)))
+def stiffness() -> np.ndarray:
+    """Return the stiffness (6,) N/m, N m/rad of the springs that hold the hand to the measured path.
+
+    It is the error of a force, which a sensor's zero makes, over that of a place, as closely as an arm repeats it.
+    """
+    return RULES.zero / (RULES.repeats * RULES.kinematics_place) * UNITS**2
 
 
-def hand(scene: Scene, hold: Grasp) -> Scene:
-    """Return the scene without its arm, held by `hold`; effects find their places as in the scene."""
-    return replace(scene, joints=(), links=(), flange="flange", base=FRAME, build=lambda: _spec(scene, hold))
+def hand(scene: Scene) -> Scene:
+    """Return the scene without its arm, held by springs; effects find their places as in the scene."""
+    return replace(scene, joints=(), links=(), flange="flange", base=FRAME, build=lambda: _spec(scene))
 
 
-def _spec(scene: Scene, hold: Grasp) -> mujoco.MjSpec:
+def _spec(scene: Scene) -> mujoco.MjSpec:
     source, spec = scene.spec(), mujoco.MjSpec()
     furniture.options(spec)
     spec.option.gravity = source.option.gravity
@@ -81,9 +68,11 @@ def _spec(scene: Scene, hold: Grasp) -> mujoco.MjSpec:
         for geom in spec.geoms:
             if geom.name == scene.top or (scene.config.shape == "round" and geom.name.startswith(scene.wall)):
                 geom.priority = PRIORITY
-    for kind in ("stiffness", "damping"):
-        for i, axis in enumerate(AXES):
-            _spring(spec, axis, kind, float(getattr(hold, kind)[i]))
+    springs = stiffness()
+    gains = {"stiffness": springs, "damping": 2 * np.sqrt(springs * np.repeat([MASS, INERTIA], 3))}
+    for kind, values in gains.items():
+        for axis, gain in zip(AXES, values.tolist(), strict=True):
+            _spring(spec, axis, kind, gain)
     return spec
 
 

@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vispeg.contact.hand import Grasp
 from vispeg.contact.path import Path
 from vispeg.contact.phases import Phases
 from vispeg.contact.torques import estimated, sensed
@@ -54,7 +53,6 @@ class ContactItem(Item):
         phase: the blocks, and the phase of contact of each.
         source: the recording.
         armless: the cell without its arm, whose flange is held to the path by springs (`vispeg.contact.hand`).
-        springs: stiffness and damping of these springs.
         path_response: (6, m, 6) N and N m, change of the predicted wrench due to an error of the path: axis of the
             error, block, component; see `vispeg.contact.items.path_response`.
         reading_response: (m, 6, 6), share of a reading error that remains in the residual: block, component of the
@@ -65,7 +63,6 @@ class ContactItem(Item):
     phase: Phases
     source: Touching
     armless: Scene
-    springs: Grasp
     path_response: np.ndarray
     reading_response: np.ndarray
 

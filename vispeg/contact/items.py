@@ -14,7 +14,7 @@ import numpy as np
 from vispeg.contact.beginning import beginnings, episode_numbers, no_free_air, tared
 from vispeg.contact.drive import Driven, drive
 from vispeg.contact.errors.floors import floors
-from vispeg.contact.hand import UNITS, Grasp
+from vispeg.contact.hand import UNITS
 from vispeg.contact.inputs import ContactItem, Touching
 from vispeg.contact.path import Path
 from vispeg.contact.phases import Phases, nearest
@@ -35,22 +35,18 @@ from vispeg.worlds.world import World
 PUSH = 0.2  # N, reading error in `reading_response`
 
 
-def driven(
-    item: ContactItem, worlds: Sequence[World], nthread: int = 1, windows: Sequence[slice] | None = None
-) -> Driven:
+def driven(item: ContactItem, worlds: Sequence[World], nthread: int = 1) -> Driven:
     """Simulate an item's cell without its arm along its path, once for each world.
 
     Args:
         item: one episode.
         worlds: effects besides the believed ones; all worlds compile to the same model (see `built_alike`).
         nthread: threads of the simulation.
-        windows: ranges of the path's samples; None for those of the item.
     """
     hand_worlds = [hand_world(item.source.believed, w) for w in worlds]
     wrench = np.stack([true_wrench(item.path, w) for w in hand_worlds])
-    windows = item.phase.windows if windows is None else windows
     return drive(
-        item.armless, item.source.scene, item.path, hand_worlds, wrench, item.phase.rest, windows, nthread,
+        item.armless, item.source.scene, item.path, hand_worlds, wrench, item.phase.rest, item.phase.windows, nthread,
         deviation=lambda exerted: arm_displacement(item, hand_worlds, exerted), per_read=_true_per_read(item, worlds),
     )  # fmt: skip
 
@@ -130,14 +126,13 @@ def predicted(item: ContactItem, out: Driven, worlds: Sequence[World]) -> np.nda
     return item.measured[None] + correction / _true_per_read(item, worlds)[:, None, None]
 
 
-def items_of(t: Touching, armless: Scene, seconds: float, springs: Grasp, nthread: int) -> list[ContactItem]:
+def items_of(t: Touching, armless: Scene, seconds: float, nthread: int) -> list[ContactItem]:
     """Return one item for each episode of a recording that begins at rest in free air, with readings there.
 
     Args:
         t: the recording.
         armless: its cell without the arm, held by springs.
         seconds: duration of contact to simulate, s, shared equally among all episodes.
-        springs: stiffness and damping of these springs.
         nthread: threads of the simulation.
 
     Raises:
@@ -149,16 +144,14 @@ def items_of(t: Touching, armless: Scene, seconds: float, springs: Grasp, nthrea
     assert felt is not None  # `touching` refused a recording without a wrench
     begun = beginnings(t, felt)
     each = seconds / len(np.unique(episode_numbers(rec)))
-    items = [_item(t, path, phase, armless, each, springs, nthread) for path, phase in begun]
+    items = [_item(t, path, phase, armless, each, nthread) for path, phase in begun]
     found = [i for i in items if i is not None]
     if not found:
         raise no_free_air(t)
     return found
 
 
-def _item(
-    t: Touching, path: Path, phase: Phases, armless: Scene, seconds: float, springs: Grasp, nthread: int
-) -> ContactItem | None:
+def _item(t: Touching, path: Path, phase: Phases, armless: Scene, seconds: float, nthread: int) -> ContactItem | None:
     """Return the item of one episode; None if wrench or angles were not read at its start. `seconds` are its own."""
     rec, rows = t.recording, path.rows
     phase = without(thinned(phase, seconds), _read(t, path))
@@ -188,7 +181,6 @@ def _item(
         phase=phase,
         source=t,
         armless=armless,
-        springs=springs,
         path_response=unmoved,
         reading_response=all_remains,
     )

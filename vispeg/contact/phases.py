@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from vispeg.contact.path import Path
 from vispeg.core.rules import RULES
 from vispeg.recordings.checks.quality import runs
-from vispeg.recordings.regimes import IMPACT, REGIMES
+from vispeg.recordings.regimes import IMPACT, REGIMES, Thresholds
 from vispeg.robots.scene import Scene
 from vispeg.sim.touch import Touch
 
@@ -55,11 +55,6 @@ class Phases:
     def valid(self) -> np.ndarray:
         """Blocks that are compared, (m,) bool; just after contact begins, solver and filter dominate."""
         return (self.used & (self.code != IMPACT)) | self.resting
-
-    @property
-    def sticks(self) -> np.ndarray:
-        """Presses in which the tip does not slide, (m,) bool."""
-        return self.of("press") & (self.speed < RULES.stuck_speed)
 
     def of(self, name: str) -> np.ndarray:
         """Return the blocks of a phase, (m,) bool."""
@@ -107,7 +102,7 @@ def phases(touch: Touch, path: Path, scene: Scene, block: float) -> Phases | Non
     flange = np.hypot(np.linalg.norm(path.rate[:, :3], axis=1), LEVER * np.linalg.norm(path.rate[:, 3:], axis=1))
     moves = np.median(flange[: m * size].reshape(m, size), axis=1)  # a hand may rotate about a tip at rest
     touching = np.asarray(touch.touching[at].reshape(m, size).any(axis=1))
-    moving = np.maximum(speed, moves) > RULES.rest_speed
+    moving = np.maximum(speed, moves) > Thresholds().hit
     rest = _rest(touching, moving, block)
     if rest is None:
         return None

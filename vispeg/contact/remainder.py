@@ -48,9 +48,13 @@ def remainder(evidence: ContactEvidence, world: World, held_out: bool = False) -
         if parts:
             rows = np.concatenate(parts)
             independent = max(1.0, CHANNELS * len(rows) / evidence.correlated)
-            bar = RULES.phase_bar * (1 + RULES.phase_spread * np.sqrt(2 / independent))
-            out.append(Rest(name, held_out, float(np.mean(rows**2)), float(bar), len(rows)))
+            out.append(Rest(name, held_out, float(np.mean(rows**2)), most_left(independent), len(rows)))
     return sorted(out, key=lambda rest: -rest.beyond)
+
+
+def most_left(independent: float) -> float:
+    """Return the mean squared whitened residual up to which chance explains so many independent errors."""
+    return 1 + RULES.phase_spread * float(np.sqrt(2 / independent))
 
 
 def judged(verdict: Verdict, rests: Sequence[Rest]) -> Verdict:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from vispeg.contact.path import Path
 from vispeg.core.effect import effect
-from vispeg.core.rules import RULES
 from vispeg.identify.channels import shows
 from vispeg.recordings.cell import reaction
-from vispeg.recordings.noise import noise_of
-from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 
 REACH = 0.8  # m, converts joint angles to the flange's position
@@ -41,15 +37,3 @@ def true_per_read(path: Path, world: World) -> float:
     constant = replace(path, wrench=np.ones_like(path.wrench))
     change = true_wrench(replace(path, wrench=2 * constant.wrench), world) - true_wrench(constant, world)
     return float(change.mean())
-
-
-def trusted(recordings: Sequence[Recording], read: Sequence[bool]) -> tuple[float, float]:
-    """Return the uncertainty of forces (N) and of positions (m).
-
-    Only recordings whose wrench was `read` by a sensor count for the force. If there are none, its least value is used,
-    so that softer springs hold the hand.
-    """
-    with_sensor = [r for r, was_read in zip(recordings, read, strict=True) if was_read]
-    force = max([RULES.sensor_least, *(float(r.noise.get("ft", 0.0)) for r in with_sensor)])
-    place = max([RULES.place_least, *(REACH * float(np.max(noise_of(r)["q"])) for r in recordings)])
-    return force, place

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,11 +13,6 @@ from vispeg.recordings.regimes import IMPACT
 CHUNK, LEAD = 12, 3  # blocks chosen at a time; blocks until a window is independent of its start
 NEAR = 3  # blocks of free air around a contact that show when it begins
 FREE = 2.0  # s of free air that are simulated
-PART, PIECE = 3, 12  # a screen simulates at least one in PART pieces, of PIECE blocks each
-# s of compared blocks that a screen needs. Errors of the path explain a part of a change of the residual. Of the square
-# of the change they leave 10 to 40 times less in 1 to 2 s than in all blocks (compliances and tilts of
-# `tests/pressed.py`), and half as much in 6 s (a development case of `scripts/bench/hidden_contact`).
-SCREENED = 6.0
 
 
 def thinned(phase: Phases, seconds: float) -> Phases:
@@ -55,29 +49,6 @@ def without(phase: Phases, read: np.ndarray) -> Phases:
         return phase
     after = np.convolve(lost, np.ones(LEAD + 1), "full")[:m] > 0
     return replace(phase, used=phase.used & ~after, resting=phase.resting & ~lost)
-
-
-def part(phases: Sequence[Phases]) -> int:
-    """Return n if a screen simulates one in n pieces: about `SCREENED` seconds, or more, as n is at most `PART`."""
-    seconds = RULES.contact_block * sum(int(phase.valid.sum()) for phase in phases)
-    return max(1, min(PART, round(seconds / SCREENED)))
-
-
-def pieces(phase: Phases, part: int) -> tuple[slice, ...]:
-    """Return every `part`-th piece of the windows, each of up to `PIECE` blocks, as ranges of the path's samples."""
-    if part == 1:
-        return phase.windows
-    size = PIECE * phase.size
-    every = [slice(a, min(a + size, w.stop)) for w in phase.windows for a in range(w.start, w.stop, size)]
-    return tuple(every[::part])
-
-
-def driven_blocks(phase: Phases, windows: Sequence[slice]) -> np.ndarray:
-    """Return the used blocks in these windows that are independent of the window's start, (m,) bool."""
-    out = np.zeros(len(phase.time), bool)
-    for w in windows:
-        out[w.start // phase.size + LEAD : w.stop // phase.size] = True
-    return out & phase.used
 
 
 def _spread(flag: np.ndarray, most: float) -> np.ndarray:

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.core.rules import RULES
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import flange_pose
 from vispeg.task.belief import recorded_cell
 
+HIGHER = 3e-3  # m by which a surface may be higher than it is believed to be, as far as `hole_offset` is tried
 SENSORS = ("joint", "motor")
 
 
@@ -54,6 +54,6 @@ def touches(rec: Recording, scene: Scene) -> bool:
     w, x, y, z = pose[:, 3:].T
     flange_z = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
     tip = pose[:, :3] + scene.tip * flange_z - scene.target
-    over = np.abs(tip[:, :2]).max(axis=1) < scene.config.block + RULES.tip_round
+    over = np.abs(tip[:, :2]).max(axis=1) < scene.config.block + scene.config.diameter
     height = np.where(over, tip[:, 2], tip[:, 2] + scene.target[2])  # m, above the goal's mouth or the table (z = 0)
-    return bool(np.any(height < RULES.tip_near))
+    return bool(np.any(height < HIGHER))

@@ -18,7 +18,6 @@ import numpy as np
 
 from vispeg.contact.torques import sensed
 from vispeg.core.rules import RULES
-from vispeg.recordings.cell import wrench_noise
 from vispeg.recordings.differentiate import bridged
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.regimes import FREE, IMPACT
@@ -60,10 +59,8 @@ class Blow:
     @property
     def sigma(self) -> np.ndarray:
         """Expected errors (2,) of impulse and flight with a correct model, N s and s."""
-        return np.hypot(
-            [RULES.blow_impulse_least, max(RULES.blow_flight_least, 2 / self.recording.rate_hz)],
-            np.array([RULES.blow_impulse, RULES.blow_flight]) * self.felt,
-        )
+        ends = 2 / self.recording.rate_hz  # s: a flight begins and ends between two samples each
+        return np.hypot([self.threshold * ends, ends], RULES.blow_form * self.felt)
 
 
 def restarts(rec: Recording) -> bool:
@@ -89,7 +86,6 @@ def blows(rec: Recording, contact: Touch | None = None) -> list[Blow]:
     assert contact is not None  # `restarts` says that there is a wrench
     hit = contact.regime == IMPACT
     calm, before, after = (round(s * rec.rate_hz) for s in (CALM, BEFORE, AFTER))
-    noise = wrench_noise(rec.noise)
     out = []
     for start in np.flatnonzero(hit & ~np.r_[False, hit[:-1]]):
         first = int(start) + int(np.argmax(contact.force[start : start + after] > contact.threshold))
@@ -103,11 +99,10 @@ def blows(rec: Recording, contact: Touch | None = None) -> list[Blow]:
         push = contact.wrench[first : first + after, :3] - contact.wrench[first - before : first, :3].mean(axis=0)
         axis = push.sum(axis=0) / max(np.linalg.norm(push.sum(axis=0)), 1e-9)
         speed = float(np.linalg.norm(contact.velocity[first - before]))
-        least = max(contact.threshold, 0.0 if noise is None else RULES.blow_noise * float(noise[0]))
-        measured = _felt(contact.wrench[rows, :3] @ axis, rec.rate_hz, before, least)
+        measured = _felt(contact.wrench[rows, :3] @ axis, rec.rate_hz, before, contact.threshold)
         if np.isfinite(measured).all():
             begin = _started(rec, first - calm, first, first - before)
-            out.append(Blow(rec, cell.scene, rows, begin, axis, least, speed, measured))
+            out.append(Blow(rec, cell.scene, rows, begin, axis, contact.threshold, speed, measured))
     return out
 
 
@@ -139,9 +134,9 @@ def _felt(force: np.ndarray, rate: float, before: int, threshold: float) -> np.n
     touched = np.flatnonzero(np.abs(above) > threshold)
     begin = int(touched[0]) if len(touched) else 0
     peak = above[begin : begin + hit].max() if len(touched) else 0.0
-    if peak < RULES.blow_brush * threshold or begin + hit > len(above):
+    if peak < threshold or begin + hit > len(above):
         return np.full(2, np.nan)
-    on = above > max(threshold, RULES.blow_parted * peak)
+    on = above > threshold
     first = int(np.argmax(on))
     leaves = first + int(np.argmin(np.r_[on[first:], False]))
     flies = leaves < first + 2 * hit

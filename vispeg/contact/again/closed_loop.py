@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.contact.inputs import touching
+from vispeg.contact.selection.repeats import repeats
 from vispeg.contact.torques import calm
 from vispeg.core.errors import UserError
 from vispeg.core.rules import RULES
@@ -21,6 +22,7 @@ from vispeg.diagnosis.findings import Verdict, left_unexplained
 from vispeg.diagnosis.schema import Replayed, Trial
 from vispeg.recordings.cell import Outcome, WrenchSensor
 from vispeg.recordings.recording import Recording
+from vispeg.recordings.regimes import Thresholds
 from vispeg.robots.scene import Scene
 from vispeg.sim.touch import Touch, touch
 from vispeg.task.belief import recorded_cell
@@ -142,7 +144,7 @@ def contradicted(
         return verdict
     for row in replayed:
         measured, (name, last) = row["trials"]["measured"], list(row["trials"].items())[-1]
-        if last.get("free_off", np.inf) > RULES.arm_free or ended_alike(measured, [last]):
+        if last.get("free_off", np.inf) > repeats()["m"] or ended_alike(measured, [last]):
             continue
         source = [r for r in held_out if r.name == row["recording"]]
         ends, _ = closed_loop(source, {str(k): w for k, w in enumerate(at_ends(world, n_fixed))}, threads)
@@ -160,7 +162,7 @@ def contradicted(
 def ended_alike(measured: Trial, runs: Sequence[Trial]) -> bool:
     """Return whether a run ends as the measured one did, and the measured peak force lies within those of the runs."""
     peaks = [run["peak_force"] for run in runs]
-    off = max(RULES.peak_share * measured["peak_force"], RULES.peak_least)
+    off = max(RULES.peak_share * measured["peak_force"], 0.5 * Thresholds().touch)  # N: less is no contact
     ended = any((run["outcome"] == "success") == (measured["outcome"] == "success") for run in runs)
     return ended and min(peaks) - off <= measured["peak_force"] <= max(peaks) + off
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from vispeg.contact.again.blows import Blow, blows, predicted, restarts
 from vispeg.contact.law import within
+from vispeg.contact.remainder import most_left
 from vispeg.contact.selection.profile import looked_for, place_of, tries
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.params import Value
@@ -31,6 +32,7 @@ from vispeg.worlds.world import World
 NAME, TWIN = "contact_damping", "restitution"
 SCALES = np.geomspace(0.05, 10.0, 15)  # times the nominal damping
 FINER = 4  # steps of the second grid per step of the first, on both sides of the best value
+READINGS = 2  # of a blow, impulse and flight, whose errors count as one
 BESIDE = ("compliance", "friction", "free air")  # stages of other effects that may explain impacts
 
 
@@ -69,18 +71,18 @@ def struck(world: World, fitted: Sequence[Recording], held_out: Sequence[Recordi
     before, after = (_off(judge, w, nthread) for w in (world, world.add(best)))
     count = f"{len(fit)} impacts and {len(judge)} held-out ones, simulated from just before each"
     flight = f"the time from each held-out impact to the next contact is wrong by {1e3 * before.rms:.2g} ms RMS"
-    rise = _rise(least, fit)
-    if none - least <= rise or within(low, high) or before.square - after.square <= RULES.interval * RULES.blow_hang:
+    rise, bar = _rise(least, fit), after.count * most_left(after.count / READINGS)
+    if none - least <= rise or within(low, high) or before.square - after.square <= RULES.interval * READINGS:
         e = " to ".join(f"{_restitution(scene, where, s):.2g}" for s in (high, low))
         text = f"{low:.2g} to {high:.2g} times the nominal damping ({TWIN} {e}) fit them"
-        if min(before.square, after.square) > RULES.blows_explained * before.count:
+        if min(before.square, after.square) > bar:
             text = "no damping explains them"
         elif not low <= 1.0 <= high:
             law = "which the contact law's own error may also explain"
             text += f", {law if within(low, high) else 'but it does not improve the held-out impacts'}: not named"
         return Struck(notes=(f"{count}: {flight}; {text}",))
     rivals = _rivals(world, scene, fit, least + rise, nthread)
-    if after.square > RULES.blows_explained * after.count or rivals:
+    if after.square > bar or rivals:
         why = f"{' or '.join(rivals)} explain them as well" if rivals else "no damping explains them"
         return Struck(
             notes=(f"{count}: {flight}, {1e3 * after.rms:.2g} ms with {best.label} at {scale:.2g}; {why}: not named",)
@@ -119,7 +121,7 @@ def _squares(hits: Sequence[Blow], worlds: Sequence[World], nthread: int) -> np.
 
 def _rise(least: float, hits: Sequence[Blow]) -> float:
     """Return the rise of the squared residual above its `least` value at the ends of an interval."""
-    return RULES.interval * RULES.blow_hang * max(1.0, least / sum(len(b.felt) for b in hits))
+    return RULES.interval * READINGS * max(1.0, least / sum(len(b.felt) for b in hits))
 
 
 def _fitted(world: World, where: str, hits: Sequence[Blow], nthread: int) -> tuple[float, float, float, float, float]:

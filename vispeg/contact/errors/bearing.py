@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from vispeg.contact.hand import stiffness
 from vispeg.contact.inputs import ContactItem
 from vispeg.core.rules import RULES
 from vispeg.recordings.checks.quality import runs
@@ -21,15 +22,15 @@ def bearing(item: ContactItem) -> list[np.ndarray]:
     There are two for each sticking press: the tip bears off the axis by `bears_aside` radii, along either of the two
     axes across the tool.
     """
-    scene, phase, hold = item.source.scene, item.phase, item.springs
+    scene, phase, springs = item.source.scene, item.phase, stiffness()
     radius, tip = scene.config.diameter / 2, scene.tip
     couple = RULES.bears_aside * radius * np.abs(phase.contact[:, 2])  # N m
-    turn = couple / (hold.stiffness[3] + hold.stiffness[0] * tip**2)  # rad, about the tip
-    force, torque = hold.stiffness[0] * tip, hold.stiffness[3]  # per rad; the tip lies along the flange's z
+    turn = couple / (springs[3] + springs[0] * tip**2)  # rad, about the tip
+    force, torque = springs[0] * tip, springs[3]  # per rad; the tip lies along the flange's z
     along_x = np.array([0.0, force, 0.0, torque, 0.0, 0.0])
     along_y = np.array([-force, 0.0, 0.0, 0.0, torque, 0.0])
     out = []
-    for a, b in runs(phase.sticks):
+    for a, b in runs(phase.of("press")):
         size = np.zeros(len(turn))
         size[a:b] = turn[a:b]
         out += [np.outer(size, along_x), np.outer(size, along_y)]

@@ -49,7 +49,7 @@ def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
         ).correction
     )[0]
     out = np.empty_like(residual)
-    near_slide = np.convolve(phase.of("slide"), np.ones(2 * RULES.floor_loose + 1), "same") > 0
+    tilt, near_slide = tilted(item), np.convolve(phase.of("slide"), np.ones(2 * RULES.floor_loose + 1), "same") > 0
     forms: dict[str, float] = dict(zip(NAMES, RULES.floor_form, strict=True))
     shares: dict[str, float] = dict(zip(NAMES, RULES.floor_share, strict=True))
     for name in NAMES:
@@ -59,21 +59,21 @@ def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
             # blocks near a slide have its error of form, for no model says when exactly a contact breaks loose
             for blocks, law in ((rows & ~near_slide, name), (rows & near_slide, name if name == "impact" else "slide")):
                 wedge = RULES.floor_wedged if law == REGIMES[INSIDE] else 0.0
-                share = shares[law] + wedge * wedged(item)[blocks]
+                share = shares[law] + wedge * tilt[blocks] ** 2
                 form = np.hypot(forms[law], share * phase.force[blocks])
                 out[blocks] = np.hypot(rms, form[:, None] * UNITS)
     chatter = np.sqrt(np.maximum(phase.scatter(path.wrench) ** 2 - sigma**2, 0.0))
     out = np.hypot(out, chatter / np.sqrt(phase.size))
-    out[phase.resting] = RULES.zero_between * UNITS
+    out[phase.resting] = RULES.zero * UNITS
     return out
 
 
-def wedged(item: ContactItem) -> np.ndarray:
-    """Return the square of the hand's tilt against the goal's axis (the base's z), scaled to 0 to 1, (m,)."""
+def tilted(item: ContactItem) -> np.ndarray:
+    """Return the sine of the hand's tilt against the goal's axis (the base's z), (m,)."""
     path = item.path
     turn = Rotation.from_quat(path.frame, scalar_first=True)
     axis = (turn * Rotation.from_euler("XYZ", path.place[item.phase.rows(path.time), 3:])).apply([0.0, 0.0, 1.0])
-    return np.minimum(1.0, (axis[:, 0] ** 2 + axis[:, 1] ** 2) / RULES.floor_rocked**2)
+    return np.hypot(axis[:, 0], axis[:, 1])
 
 
 def _noisy(place: np.ndarray, time: np.ndarray, clock: np.ndarray, sigma: float, rng) -> tuple[np.ndarray, np.ndarray]:

@@ -18,15 +18,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vispeg.contact.errors.bearing import bearing
-from vispeg.contact.errors.wedge import softness, wedging
-from vispeg.contact.hand import UNITS
+from vispeg.contact.hand import UNITS, stiffness
 from vispeg.contact.inputs import ContactItem
 from vispeg.contact.phases import NAMES
 from vispeg.core.rules import RULES
 from vispeg.identify.whitener import Whitener
 from vispeg.recordings.checks.quality import runs
 from vispeg.recordings.regimes import Thresholds
-from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
 
 KINDS = ("sensor", "path", "form")
@@ -54,10 +52,6 @@ class Nuisance:
         kinds = np.zeros(columns.shape[1], int) if kinds is None else kinds
         return cls(columns, kinds, Whitener.of(columns))
 
-    def of_rows(self, rows: np.ndarray) -> Nuisance:
-        """Restrict the nuisances to some of the values, (n,) bool."""
-        return Nuisance.of(np.where(rows[:, None], self.columns, 0.0), self.kinds)
-
     def taken(self, residual: np.ndarray) -> dict[str, float]:
         """Return for each kind of error the share of a squared residual that it explains at its most likely size.
 
@@ -82,16 +76,14 @@ def nuisance(items: Sequence[ContactItem]) -> Nuisance:
     sizes = [i.measured.size for i in items]
     ends = np.cumsum([0, *sizes])
     separate, of_separate, shared, of_shared = [], [], [], []
-    places = [_place(i) for i in items]
-    errors = _smooth(places)
-    for item, error in zip(items, errors, strict=True):
-        read = _taken_up(item, [*_drifts(item), _late(item), *_unsure(item)])
-        path, form = _turned(item), [*_stuck(item), *_chatters(item), *_slipped(item), *bearing(item)]
+    for item, error in zip(items, _smooth(items), strict=True):
+        read = _taken_up(item, [*_drifts(item), *_unsure(item)])
+        path, form = _turned(item), [*_stuck(item), *_swings(item), *bearing(item)]
         separate.append(_whitened(item, [*read, *path, *form]))
         of_separate.append(np.repeat([READING, PATH, FORM], [len(read), len(path), len(form)]))
-        read, path, form = _taken_up(item, _mixtures(item)), _misplaced(item, error), [_gives(item)]
-        shared.append(_whitened(item, [*read, *path, *form]))
-        of_shared.append(np.repeat([READING, PATH, FORM], [len(read), len(path), len(form)]))
+        read, path = _taken_up(item, _mixtures(item)), _misplaced(item, error)
+        shared.append(_whitened(item, [*read, *path]))
+        of_shared.append(np.repeat([READING, PATH], [len(read), len(path)]))
     columns = np.concatenate(shared, axis=0)
     out = np.zeros((ends[-1], columns.shape[1] + sum(o.shape[1] for o in separate)))
     out[:, : columns.shape[1]], at = columns, columns.shape[1]
@@ -115,7 +107,7 @@ def _drifts(item: ContactItem) -> list[np.ndarray]:
     """Return two drifts per channel: a zero that drifts steadily from rest, and one that rises and falls back."""
     along = np.maximum(item.phase.time - item.phase.time[item.phase.resting].mean(), 0.0)
     along /= along[-1]
-    size = RULES.zero_drift * UNITS
+    size = RULES.zero * UNITS
     return [shape[:, None] * np.eye(6)[c] * size[c] for shape in (along, along * (1 - along)) for c in range(6)]
 
 
@@ -163,34 +155,26 @@ def _bound(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
     force = np.linalg.norm(contact[:, :3], axis=1)
     w = contact / np.maximum(force, TOUCH)[:, None]
     w[force < TOUCH] = 0.0
-    gain = 1 / np.maximum(np.einsum("bi,i,bi->b", w, 1 / item.springs.stiffness, w), 1e-12)
+    gain = 1 / np.maximum(np.einsum("bi,i,bi->b", w, 1 / stiffness(), w), 1e-12)
     return w, w * gain[:, None]
 
 
-def _place(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
-    """Return the flange in the base block by block: position (m, 3) m, and rotation vector (m, 3) rad.
+def _smooth(items: Sequence[ContactItem]) -> list[np.ndarray]:
+    """Return for each item (m, k) unit errors that vary slowly over the flange's places, as one function for all items.
 
-    The latter is of the flange turned by pi about its x axis.
+    They are the principal components of a Gaussian process. A turn about the flange's own axis, by the last joint
+    alone, moves it nowhere.
     """
-    path = item.path
-    at = path.place[item.phase.rows(path.time), :3]
-    frame = Rotation.from_quat(path.frame, scalar_first=True)
-    return path.origin + frame.apply(at), (_turn(item) * Rotation.from_euler("X", np.pi)).as_rotvec()
-
-
-def _smooth(places: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[np.ndarray]:
-    """Return for each item (m, k) unit errors that vary slowly over the poses, as one function for all items.
-
-    They are the principal components of a Gaussian process over the poses.
-    """
-    every = np.concatenate(
-        [np.concatenate([p / RULES.kinematics_far, r / RULES.kinematics_twist], axis=1) for p, r in places]
-    )
+    places = []
+    for item in items:
+        at = item.path.place[item.phase.rows(item.path.time), :3]
+        places.append(item.path.origin + Rotation.from_quat(item.path.frame, scalar_first=True).apply(at))
+    every = np.concatenate(places) / RULES.kinematics_far
     square = (every**2).sum(axis=1)
     kernel = np.exp(-0.5 * np.maximum(square[:, None] + square[None] - 2 * every @ every.T, 0.0))
     value, vector = np.linalg.eigh(kernel)
     kept = value > 1e-3 * value[-1]
-    return np.split(vector[:, kept] * np.sqrt(value[kept]), np.cumsum([len(p) for p, _ in places])[:-1])
+    return np.split(vector[:, kept] * np.sqrt(value[kept]), np.cumsum([len(p) for p in places])[:-1])
 
 
 def _misplaced(item: ContactItem, smooth: np.ndarray) -> list[np.ndarray]:
@@ -222,24 +206,9 @@ def _turned(item: ContactItem) -> list[np.ndarray]:
     return list(_larger(item.path_response[3:], measured))
 
 
-def _gives(item: ContactItem) -> np.ndarray:
-    """Return the wrench of a part wedged between compliant walls that yield by as much as one contact does.
-
-    The displacement along the net force is the work done divided by that force.
-    """
-    w, held = _bound(item)
-    force = np.maximum(np.linalg.norm(item.phase.contact[:, :3], axis=1), TOUCH)
-    return held * (softness(item.source.scene) * wedging(item) ** 2 / force)[:, None]
-
-
 def _larger(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the larger of two responses (k, m, 6), by norm in each block."""
     return np.where((np.linalg.norm(b, axis=2) > np.linalg.norm(a, axis=2))[:, :, None], b, a)
-
-
-def _late(item: ContactItem) -> np.ndarray:
-    """Return the wrench error of readings older than their time stamps."""
-    return RULES.read_late * np.gradient(item.measured, item.period, axis=0)
 
 
 def _tool(item: ContactItem) -> tuple[float, np.ndarray]:
@@ -256,17 +225,12 @@ def _tool(item: ContactItem) -> tuple[float, np.ndarray]:
 def _stuck(item: ContactItem) -> list[np.ndarray]:
     """Return the wrench along the surface due to the uncertain sticking point of a contact.
 
-    It is the force of the hand's springs for a position error of the kinematics, and a share of the impacts of the
-    slide before.
+    It is the force of the hand's springs for a position error of the kinematics.
     """
     phase, turn = item.phase, _turn(item)
-    blows = np.linalg.norm(phase.scatter(item.path.wrench[:, :3]), axis=1)
+    size = RULES.kinematics_place * stiffness()[0]
     out = []
-    for a, b in runs(phase.sticks):
-        size = np.hypot(
-            RULES.kinematics_place * item.springs.stiffness[0],
-            RULES.slide_blows * blows[max(a - RULES.stick_blocks, 0) : a].max(initial=0.0),
-        )
+    for a, b in runs(phase.of("press")):
         for along in np.eye(3)[:2]:
             push = np.zeros((len(phase.time), 3))
             push[a:b] = turn[a:b].inv().apply(size * along)
@@ -274,48 +238,20 @@ def _stuck(item: ContactItem) -> list[np.ndarray]:
     return out
 
 
-def _chatters(item: ContactItem) -> list[np.ndarray]:
-    """Return the wrench of a chattering slide: its impacts push back and up, by a constant share of their size.
+def _swings(item: ContactItem) -> list[np.ndarray]:
+    """Return the drag across the direction of sliding, (m, 6) N and N m for each slide.
 
     In the model every slide chatters, however smooth it is: a convex contact opens as it slides (MuJoCo 4.0 manual,
-    Computation, Contact). A tool whose mass is off its axis then swings sideways with every hop, so it also drags
-    across the direction of sliding.
-
-    Returns:
-        (m, 6) N and N m each: back and up, of all slides together; then across, one for each slide.
+    Computation, Contact). A tool whose mass is off its axis then swings sideways with every hop.
     """
     phase, turn = item.phase, _turn(item)
-    slides = (phase.code != NAMES.index("free")) & (phase.speed >= RULES.stuck_speed)
-    size = np.linalg.norm(phase.scatter(item.path.wrench[:, :3]), axis=1) * slides
-    force = turn.apply(phase.contact[:, :3])
-    up = np.array([0.0, 0.0, 1.0])
-    drag = force * (1 - up)
-    drag /= np.maximum(np.linalg.norm(drag, axis=1), TOUCH)[:, None]
-    pushes = [RULES.slide_blows * size[:, None] * way for way in (drag, np.tile(up, (len(size), 1)))]
-    across = RULES.slide_across * np.cross(up, force)
-    for a, b in runs(slides):
+    across = RULES.slide_across * np.cross([0.0, 0.0, 1.0], turn.apply(phase.contact[:, :3]))
+    out = []
+    for a, b in runs((phase.code != NAMES.index("free")) & (phase.speed > Thresholds().slide)):
         push = np.zeros_like(across)
-        push[a:b] = across[a:b]
-        pushes.append(push)
-    return [_at_tip(item, turn.inv().apply(push)) for push in pushes]
-
-
-def _slipped(item: ContactItem) -> list[np.ndarray]:
-    """Return the wrench of a part that slips in the grip, from each impact or press near the grip's limit on."""
-    phase, block = item.phase, item.phase.size
-    along = np.abs(item.path.wrench[: len(phase.time) * block, 2].reshape(-1, block)).max(axis=1)
-    hard = along > RULES.grip_nearly * _grip(item.armless)
-    w, held = _bound(item)
-    starts = np.flatnonzero(hard & ~np.r_[False, hard[:-1]])
-    return [held * (RULES.grip_slip * w[:, 2] * (np.arange(len(w)) >= a))[:, None] for a in starts]
-
-
-def _grip(scene: Scene) -> float:
-    """Return the force at which the held part slips, N; infinite if it cannot."""
-    if not scene.slip:
-        return np.inf
-    model = compiled(scene)
-    return float(model.dof_frictionloss[model.joint(scene.slip).dofadr[0]])
+        push[a:b] = turn[a:b].inv().apply(across[a:b])
+        out.append(_at_tip(item, push))
+    return out
 
 
 def _turn(item: ContactItem) -> Rotation:

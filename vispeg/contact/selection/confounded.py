@@ -33,15 +33,18 @@ def entangled(fit: Fit | None, n_fixed: int) -> list[Together]:
 
     The information matrix, scaled to a diagonal of ones, shows them: along an eigenvector whose eigenvalue is near 0
     the parameters may move together while the residual stays. For two parameters, this eigenvalue is one minus the
-    absolute value of their correlation. Source: Belsley, Kuh and Welsch 1980, Regression Diagnostics, chapter 3.
+    absolute value of their correlation. Part of it are those with half of their variance along it. Source: Belsley, Kuh
+    and Welsch 1980, Regression Diagnostics, chapter 3.
     """
     if fit is None or not len(fit.u):
         return []
     columns = fit.jacobian / np.maximum(np.linalg.norm(fit.jacobian, axis=0), FLAT)
     value, vector = np.linalg.eigh(columns.T @ columns)
+    variance = vector**2 / np.maximum(value, FLAT)
+    share = variance / variance.sum(axis=1, keepdims=True)  # of each parameter, by eigenvector
     out: list[Together] = []
-    for way in vector.T[value < 1 - RULES.correlated]:
-        indices = sorted({fit.space.axes[i].index for i in np.flatnonzero(np.abs(way) > RULES.combined_part)})
+    for part in share.T[value < 1 - RULES.correlated]:
+        indices = sorted({fit.space.axes[i].index for i in np.flatnonzero(part > 0.5)})
         together = tuple(fit.world.effects[i] for i in indices)
         if len(indices) > 1 and indices[0] >= n_fixed and together not in out:
             out.append(together)

@@ -1,11 +1,11 @@
 """Intervals of fitted parameters by the squared residual itself, not by its derivatives.
 
 Where a contact sticks, the derivative by friction is zero: every greater value fits as well, a smaller one does not. An
-interval contains the values whose squared residual is within a quantile of the least. The other parameters either
-follow by the derivatives or stay, whichever gives the wider interval. The quantile is scaled by how long an error of
-form lasts, and by how far recordings disagree. Sources: profile likelihood, Venzon and Moolgavkar 1988, A method for
-computing profile-likelihood-based confidence intervals, Applied Statistics 37(1); Birge 1932, The calculation of errors
-by the method of least squares, Physical Review 40, for measurements that disagree.
+interval contains the values whose squared residual is within a quantile of the least, where the other parameters follow
+by the derivatives. The quantile is scaled by how long an error of form lasts, and by how far recordings disagree.
+Sources: profile likelihood, Venzon and Moolgavkar 1988, A method for computing profile-likelihood-based confidence
+intervals, Applied Statistics 37(1); Birge 1932, The calculation of errors by the method of least squares, Physical
+Review 40, for measurements that disagree.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ FLAT = 1e-12  # smallest size, against division by 0
 
 @dataclass(frozen=True)
 class Ray:
-    """A ray from a fit along which one coordinate moves to one side, and the others follow or stay.
+    """A ray from a fit along which one coordinate moves to one side, and the others follow.
 
     Attributes:
         axis: index of the coordinate.
@@ -105,7 +105,7 @@ def intervals(evidence: ContactEvidence, fit: Fit) -> tuple[World, np.ndarray]:
 def absent(evidence: ContactEvidence, fit: Fit, axes: Sequence[int], null: np.ndarray) -> list[int]:
     """Return those of the coordinates `axes` that may be at their `null` (naxis,), the least needed first.
 
-    There the squared residual must not rise by more than chance if the others follow by the derivatives, or stay.
+    There the squared residual must not rise by more than chance if the others follow by the derivatives.
     """
     low, high = fit.space.bounds
     asked, points = [], []
@@ -114,15 +114,13 @@ def absent(evidence: ContactEvidence, fit: Fit, axes: Sequence[int], null: np.nd
         if ray.axis in axes and way * ray.direction[ray.axis] >= 0:
             asked.append(ray)
             points.append(np.clip(fit.u + way / ray.direction[ray.axis] * ray.direction, low, high))
-    base, needs = float(fit.residual @ fit.residual), {}
-    for ray, r in zip(asked, evidence.residuals([fit.space.at(u) for u in points]), strict=True):
-        needs[ray.axis] = min((float(r @ r) - base) / ray.rise, needs.get(ray.axis, np.inf))
+    base, residuals = float(fit.residual @ fit.residual), evidence.residuals([fit.space.at(u) for u in points])
+    needs = {ray.axis: (float(r @ r) - base) / ray.rise for ray, r in zip(asked, residuals, strict=True)}
     return sorted((axis for axis in needs if needs[axis] <= 1.0), key=lambda axis: needs[axis])
 
 
 def _rays(evidence: ContactEvidence, fit: Fit) -> list[Ray]:
-    """Return rays in both directions along each coordinate; the others follow the derivatives, or stay (more rays)."""
-    n = len(fit.u)
+    """Return rays in both directions along each coordinate."""
     info = fit.jacobian.T @ fit.jacobian
     size = np.sqrt(np.maximum(np.diag(info), FLAT))
     value, vector = np.linalg.eigh(info / np.outer(size, size))
@@ -131,12 +129,11 @@ def _rays(evidence: ContactEvidence, fit: Fit) -> list[Ray]:
     apart = disagreement(fit, [i.measured.size for i in evidence.items])
     steps = np.abs(fit.space.steps(fit.u))
     out = []
-    for i in range(n):
+    for i in range(len(fit.u)):
         scale = max(least, float(apart[i]))
         half = min(np.sqrt(RULES.interval * scale * inverse[i, i]), steps[i])
-        follow, stay = half * inverse[:, i] / inverse[i, i], half * np.eye(n)[i]
-        ways = (follow, stay) if inverse[i, i] * info[i, i] > RULES.interval_bent else (follow,)
-        out += [Ray(i, sign * way, RULES.interval * scale) for way in ways for sign in (-1.0, 1.0)]
+        follow = half * inverse[:, i] / inverse[i, i]
+        out += [Ray(i, sign * follow, RULES.interval * scale) for sign in (-1.0, 1.0)]
     return out
 
 
@@ -150,7 +147,7 @@ def disagreement(fit: Fit, sizes: Sequence[int]) -> np.ndarray:
     out = np.zeros(len(fit.u))
     for i, column in enumerate(unit.T):
         each = column[:, None] * of_item
-        each = each[:, np.linalg.norm(each, axis=0) > RULES.interval_faint]
+        each = each[:, np.linalg.norm(each, axis=0) > FLAT]
         if each.shape[1] > 1:
             apart = _unexplained(np.column_stack([np.delete(unit, i, axis=1), each]), fit.residual)
             out[i] = (_unexplained(unit, fit.residual) - apart) / (each.shape[1] - 1)

@@ -7,7 +7,6 @@ everything.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -61,68 +60,21 @@ def tries(name: str, where: str) -> list[tuple[str, EffectInstance]]:
     return [(k, EffectInstance.of(name, where, **{k: v})) for k, values in effect(name).sizes.items() for v in values]
 
 
-def probed(
-    evidence: ContactEvidence,
-    world: World,
-    where: Sequence[tuple[str, str]],
-    least: float = 0.0,
-    free: Sequence[int] = (),
-) -> list[Probe]:
-    """Return probes of every parameter of the effects at their places, added to `world`.
+def probed(screen: Screen, where: Sequence[tuple[str, str]], least: float) -> list[Probe]:
+    """Return probes of every parameter of the effects at their places.
 
-    The sizes of each sign are tried outward from null, on a part of the recordings. They end once a size changed the
-    residual and linear extrapolation promises no gain. An effect with a threshold goes on, because extrapolation does
-    not hold for it. Sizes of effects that may gain `least` are then evaluated on all of the recordings.
-
-    Args:
-        evidence: the fitted recordings.
-        world: the world to which each size is added.
-        where: (effect, place) of the effects.
-        least: drop of the squared residual that is of interest.
-        free: indices of effects of the world that are refitted with each size, to first order.
+    The sizes of each sign are tried outward from null, and on from one whose change is too small to drop the squared
+    residual by `least`. Beyond, they end where linear extrapolation promises less than a share of it, or nothing beyond
+    this size. An effect with a threshold goes on, because extrapolation does not hold for it.
     """
     ways = [way for name, at in where for way in outward(name, at)]
-    screen = Screen(evidence, world, free)
-    rough: list[Probe] = []
-    promise: dict[tuple[str, str], float] = {}
+    out: list[Probe] = []
     for step in range(max((len(w) for w in ways), default=0)):
         ways = [w for w in ways if len(w) > step]
-        tried, promised = screen.ask([w[step] for w in ways])
-        rough += tried
-        for t, p in zip(tried, promised, strict=True):
-            promise[t.key] = max(p, promise.get(t.key, 0.0))
-        bar = max(RULES.size_hope * least, RULES.size_faint * max(promised, default=0.0))
-        ways = [
-            w
-            for w, t, p in zip(ways, tried, promised, strict=True)
-            if t.moved <= max(least, RULES.felt**2)
-            or (p >= bar and p > t.gain + RULES.size_close * abs(p))
-            or _goes_on(t)
-        ]
-    if screen.part == 1:
-        return rough
-    hopeful = {
-        s.key: s.gain for s in strongest(rough) if s.gain > -np.inf and promise[s.key] > RULES.size_promise * least
-    }
-    again = [k for k, p in enumerate(rough) if p.key in hopeful and _hopeful(p.gain, hopeful[p.key])]
-    if not again:
-        return rough
-    asked = screen.ask([(rough[k].name, rough[k].placed) for k in again], in_part=False)[0]
-    exact = dict(zip(again, asked, strict=True))
-    best = {s.key: s.gain for s in strongest(list(exact.values()))}
-    return [exact.get(k, _beside(p, hopeful, best)) for k, p in enumerate(rough)]
-
-
-def _beside(p: Probe, hopeful: dict[tuple[str, str], float], best: dict[tuple[str, str], float]) -> Probe:
-    """Return a probe on a part of the recordings with its gain scaled to be comparable with those on all of them.
-
-    The scaled gain has the same ratio to the effect's best gain on all recordings as the raw gain has to its best gain
-    on the part. Raw gains are not comparable: a part that begins in contact is many times as sensitive to a wrong
-    height.
-    """
-    if p.key not in best or p.gain <= 0 or hopeful[p.key] <= 0:
-        return p
-    return replace(p, gain=p.gain / hopeful[p.key] * max(best[p.key], 0.0))
+        tried = screen.ask([w[step] for w in ways])
+        out += tried
+        ways = [w for w, t in zip(ways, tried, strict=True) if t.moved <= least or _goes_on(t, RULES.promise * least)]
+    return out
 
 
 def outward(name: str, where: str) -> list[list[tuple[str, EffectInstance]]]:
@@ -140,14 +92,10 @@ def size_of(name: str, parameter: str, placed: EffectInstance) -> float:
     return float(np.log(value / param.null)) if param.scale == "log" else value - param.null
 
 
-def _goes_on(t: Probe) -> bool:
-    """Return whether a larger size of an effect with a threshold (e.g. of a grip) may gain more."""
-    return effect(t.placed.effect).remembers and t.gain > 0
-
-
-def _hopeful(gain: float, best: float) -> bool:
-    """Return whether a size may be the best one of its effect."""
-    return gain >= (RULES.size_hope * best if best > 0 else best)
+def _goes_on(t: Probe, least: float) -> bool:
+    """Return whether a larger size may gain more: by extrapolation, or as that of a threshold (e.g. of a grip) may."""
+    beyond = t.gain > t.moved and t.promise >= least
+    return beyond or (effect(t.placed.effect).remembers and t.gain > 0)
 
 
 def strongest(probes: Sequence[Probe]) -> list[Score]:
@@ -169,11 +117,12 @@ def promises(probes: Sequence[Probe]) -> dict[tuple[str, str], float]:
 
 
 def idle(probes: Sequence[Probe]) -> set[tuple[str, str]]:
-    """Return the (effect, parameter) pairs that at no size gain a `size_share` of the effect's best parameter."""
+    """Return the (effect, parameter) pairs that at no size gain a `contact_alike` of the effect's best parameter."""
     top: dict[str, float] = {}
     best: dict[tuple[str, str], float] = {}
     for p in probes:
         key = p.placed.effect, p.name
         top[p.placed.effect] = max(top.get(p.placed.effect, -np.inf), p.gain)
         best[key] = max(best.get(key, -np.inf), p.gain)
-    return {key for key, gain in best.items() if gain < max(RULES.size_share * top[key[0]], 0.0) and gain < top[key[0]]}
+    least = {name: max(RULES.contact_alike * gain, 0.0) for name, gain in top.items()}
+    return {key for key, gain in best.items() if gain < min(least[key[0]], top[key[0]])}

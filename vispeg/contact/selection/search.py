@@ -20,19 +20,18 @@ from vispeg.contact.selection.profile import (
     promises,
     strongest,
 )
-from vispeg.contact.selection.screen import Probe, Screen
+from vispeg.contact.selection.screen import Probe, Screen, chatter
 from vispeg.contact.selection.shows_from import least_sizes
 from vispeg.contact.selection.spare import remove_uncertain, remove_unneeded, sparse
 from vispeg.core.effect import EffectInstance, effect, told_apart_by
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.findings import Gain, Score, Trial
+from vispeg.diagnosis.findings import Score, Trial
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.scale import floors
 from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.cross import Cross
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.loop import Loop
-from vispeg.diagnosis.selection.prune import prune
 from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.selection.tries import begun, fit_all, try_each
 from vispeg.identify.fit import Fit, Race
@@ -57,6 +56,7 @@ class ContactSearch(Loop):
         given: the model from which the search started.
         n_fixed: number of given effects of a world; None (all) until a search starts.
         lately: latest fits of `reduced` with the present effects, by label.
+        screens: the screens so far, by world and free effects.
     """
 
     evidence: ContactEvidence
@@ -72,13 +72,14 @@ class ContactSearch(Loop):
         self.progress, self.cross = progress or Progress(), Cross(Judge(evidence))
         self.given, self.n_fixed = World(), None
         self.lately: dict[str, Fit] = {}
+        self.screens: dict[tuple[str, range], Screen] = {}
 
     @property
     def least(self) -> Mapping[tuple[str, str], Mapping[str, float]]:
         """(effect, place) -> parameter -> minimum detectable size added to the given model; simulated once."""
         return least_sizes(self, self.given)
 
-    def need(self, state_cost: float = 1.0, count: int = 1, level: float | None = None) -> float:
+    def need(self, cost: float = 1.0, count: int = 1) -> float:
         """Return the drop of the squared residual that `count` parameters of an absent effect hardly ever reach.
 
         It allows for errors that are correlated over some blocks, for larger errors of a worse model, and for choosing
@@ -86,10 +87,7 @@ class ContactSearch(Loop):
         of Mathematical Statistics 9(1).
         """
         library = max(1, len(places(self.evidence, World())))
-        return self.beyond(
-            state_cost,
-            float(stats.chi2.isf((RULES.contact_level if level is None else level) / library, max(count, 1))),
-        )
+        return self.beyond(cost, float(stats.chi2.isf(RULES.contact_level / library, count)))
 
     def needed_beside(self, world: World) -> float:
         """Return the gain required of one parameter added to a world.
@@ -105,9 +103,7 @@ class ContactSearch(Loop):
 
         It is at least the roughness of the residual due to contacts that begin and end.
         """
-        return max(
-            self.evidence.correlated * self.evidence.variance(cost) * quantile, RULES.chatter * self.evidence.rough
-        )
+        return max(self.evidence.correlated * self.evidence.variance(cost) * quantile, chatter())
 
     def start(self, world: World, n_fixed: int | None = None) -> State:
         """Return the state at the start, as for joints; effects after the first `n_fixed` are refitted in screening.
@@ -130,10 +126,6 @@ class ContactSearch(Loop):
     def announce(self, state: State) -> None:
         """Report the model and its held-out error."""
         self.say(f"{state.world.label}: held-out {floors(self.judge.mean(state.loss))} x noise; screening")
-
-    def settle(self, state: State, trial: Trial, n_fixed: int) -> None:
-        """Remove effects that the added ones made superfluous."""
-        prune(self, state, n_fixed)
 
     def _conclude(self, state: State, n_fixed: int) -> bool:
         """Remove effects that the others make superfluous or that may be absent; return whether any was fitted.
@@ -205,15 +197,10 @@ class ContactSearch(Loop):
         scores, tested = self.scored(state), self.tested(state)
         promise = promises(self.probed(state.world, places(self.evidence, state.world)))
         scores = sorted(scores, key=lambda s: -max(s.gain, promise[s.key]))
-        scores = [s for s in scores if promise[s.key] >= RULES.contact_promise * self.needed_beside(state.world)]
-        short = [
-            s
-            for i, s in enumerate(scores[: RULES.contact_fitted])
-            if i < 2 or promise[s.key] > RULES.contact_worth * promise[scores[0].key]
-        ]
-        if not short:
+        scores = [s for s in scores if promise[s.key] >= RULES.promise * self.needed_beside(state.world)]
+        if not scores:
             return []
-        trials = self.try_all(state, short, n_fixed, tested)
+        trials = self.try_all(state, scores[: RULES.contact_fitted], n_fixed, tested)
         best = min(trials, key=lambda t: float(t.loss.sum()))
         if len(trials) < 2 or self.judge.mean(best.loss) < RULES.adequate:
             return self.of_cell_first(state, trials)
@@ -306,13 +293,9 @@ class ContactSearch(Loop):
         before, after = judged.as_read(state.world), judged.as_read(trial.fit.world)
         return "the held-out error of the raw readings rises" if after > before else ""
 
-    def needed(self, state: State, index: int, gain: Gain) -> bool:
-        """Return whether an effect improves the held-out recordings in addition to the others."""
-        return gain.mean * self.judge.size.sum() > self.confirms(self.judge.mean(state.loss))
-
     def pairs(self, trials: Sequence[Trial]) -> list[Score]:
         """Return the pairs of the best effects, each at the value that it had alone."""
-        order = sorted(trials, key=lambda t: float(t.loss.sum()))[: RULES.contact_paired]
+        order = sorted(trials, key=lambda t: float(t.loss.sum()))
         return [Score(_fitted(a), a.score.gain, (_fitted(b),)) for a, b in combinations(order, 2)]
 
     def probed(self, world: World, where: Sequence[tuple[str, str]]) -> list[Probe]:
@@ -321,7 +304,7 @@ class ContactSearch(Loop):
         def work_out() -> list:
             return [
                 [p.placed.effect, p.placed.where, p.name, p.placed.params[p.name].value, max(p.gain, NONE), p.moved]
-                for p in probed(self.evidence, world, where, self.needed_beside(world), self.free(world))
+                for p in probed(self.screen(world), where, self.needed_beside(world))
             ]
 
         question = ["contact profile", model_text(world), [list(p) for p in where], list(self.free(world))]
@@ -330,6 +313,14 @@ class ContactSearch(Loop):
             Probe(EffectInstance.of(n, at, **{name: value}), name, gain if gain > NONE else -np.inf, moved)
             for n, at, name, value, gain, moved in answer
         ]
+
+    def screen(self, world: World) -> Screen:
+        """Return the screen of a world, which is kept: what is asked again is not simulated again."""
+        free = self.free(world)
+        key = model_text(world), free
+        if key not in self.screens:
+            self.screens[key] = Screen(self.evidence, world, free)
+        return self.screens[key]
 
     def free(self, world: World) -> range:
         """Return the indices of the effects added by the search, which screening treats as refitted."""
@@ -344,8 +335,8 @@ class ContactSearch(Loop):
         where = [p for p in places(self.evidence, state.world) if p != (placed.effect, placed.where)]
         beside = {t.score.key for taken, trials in state.steps if taken.score.has(placed) for t in trials}
         near = [p for p in where if p in beside or told_apart_by(p[0], placed.effect)]
-        least = RULES.contact_rival * self._gain_of(state.world, placed)
-        best = [s for s in strongest(self.probed(state.world, near))[: RULES.contact_paired] if s.gain > least]
+        least = RULES.promise * self._gain_of(state.world, placed)
+        best = [s for s in strongest(self.probed(state.world, near))[: RULES.contact_fitted] if s.gain > least]
         for s in best:
             free_lacking(self, placed, s.placed)
         return best, len(where)
@@ -353,9 +344,8 @@ class ContactSearch(Loop):
     def _gain_of(self, world: World, placed: EffectInstance) -> float:
         """Return the gain of an effect at its value when added to a world; cached."""
 
-        free = self.free(world)
-        asked = ["contact gain", model_text(world), placed_dict(placed), list(free)]
-        return self.progress.recall(asked, lambda: Screen(self.evidence, world, free).gain(placed))
+        asked = ["contact gain", model_text(world), placed_dict(placed), list(self.free(world))]
+        return self.progress.recall(asked, lambda: self.screen(world).gain(placed))
 
 
 def _fitted(trial: Trial) -> EffectInstance:

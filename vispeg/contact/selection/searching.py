@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from vispeg.contact.evidence import ContactEvidence
-from vispeg.contact.selection.screen import Probe
+from vispeg.contact.selection.screen import Probe, Screen
 from vispeg.diagnosis.selection.searching import Fitting
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.fit import Fit
@@ -36,7 +36,11 @@ class ContactSearching(Fitting, Protocol):
         """Return the trial sizes of each parameter at these places, with their gains."""
         ...
 
-    def need(self, state_cost: float = 1.0, count: int = 1, level: float | None = None) -> float:
+    def screen(self, world: World) -> Screen:
+        """Return the screen of a world."""
+        ...
+
+    def need(self, cost: float = 1.0, count: int = 1) -> float:
         """Return the drop of the squared residual that `count` parameters of an absent effect hardly ever reach."""
         ...
 

@@ -10,7 +10,7 @@ from scipy import stats
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.selection.profile import outward, places, size_of
 from vispeg.contact.selection.repeats import uncertainty
-from vispeg.contact.selection.screen import Screen
+from vispeg.contact.selection.screen import Screen, chatter
 from vispeg.contact.selection.searching import ContactSearching
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
@@ -41,14 +41,10 @@ def least_sizes(search: ContactSearching, world: World) -> dict[tuple[str, str],
 def _tried(
     search: ContactSearching, world: World, where: Sequence[tuple[str, str]]
 ) -> list[tuple[str, str, str, float, float]]:
-    """Return (effect, place, parameter, value, share of the needed change) of sizes, outward until one is detectable.
-
-    All of the recordings are simulated: in a part of them, errors of the path and of the sensor explain another share
-    of a change (of the squared change of a compliance, up to 40 times as much).
-    """
+    """Return (effect, place, parameter, value, share of the needed change) of sizes, outward until one shows."""
     judged = search.judge.evidence
     assert isinstance(judged, ContactEvidence)
-    fitted, held = Screen(search.evidence, world, ()), Screen(judged, world, ())
+    fitted, held = search.screen(world), Screen(judged, world, ())
     needs = surely(search.evidence, search.need()), surely(judged, search.confirms())
     ways, out = [way for name, at in where for way in outward(name, at)], []
     for step in range(max((len(w) for w in ways), default=0)):
@@ -65,8 +61,8 @@ def _tried(
 
 def _shares(screen: Screen, tries: Sequence[tuple[str, EffectInstance]], need: float) -> np.ndarray:
     """Return the squared changes that sizes make in all of the recordings, over the needed one; 0 if not felt."""
-    moved = np.array([p.moved for p in screen.ask(tries, in_part=False)[0]])
-    return np.where(moved > RULES.felt**2, moved / need, 0.0)
+    moved = np.array([p.moved for p in screen.ask(tries)])
+    return np.where(moved > chatter(), moved / need, 0.0)
 
 
 def surely(evidence: ContactEvidence, drop: float) -> float:

@@ -16,11 +16,11 @@ from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.dictionary import null_of
 from vispeg.diagnosis.findings import Gain
 from vispeg.diagnosis.selection.cross import reduced
-from vispeg.diagnosis.selection.searching import Fitting, Testing
+from vispeg.diagnosis.selection.searching import Searching, Testing
 from vispeg.diagnosis.selection.state import State, without
 
 
-def prune(search: Fitting, state: State, n_fixed: int) -> None:
+def prune(search: Searching, state: State, n_fixed: int) -> None:
     """Remove effects that are not needed, the least needed first, and refit the rest; at least one effect stays."""
     together = True
     while state.fit is not None and len(state.world.effects) - n_fixed > 1:
@@ -46,7 +46,7 @@ def prune(search: Fitting, state: State, n_fixed: int) -> None:
         state.slight = frozenset()  # those were of the model before
 
 
-def _useless_members(search: Fitting, state: State, n_fixed: int) -> list[int]:
+def _useless_members(search: Searching, state: State, n_fixed: int) -> list[int]:
     """Return the indices of group members that are useless on the fitted recordings."""
     fit, gone = state.fit, []
     assert fit is not None
@@ -71,7 +71,7 @@ def _useless_members(search: Fitting, state: State, n_fixed: int) -> list[int]:
     return gone
 
 
-def _least_needed(search: Fitting, state: State, n_fixed: int) -> list[int]:
+def _least_needed(search: Searching, state: State, n_fixed: int) -> list[int]:
     """Return, as a list, the index of the effect that held-out recordings need least; empty if they need all of them.
 
     `state.slight` becomes the other effects that remove no visible share.

@@ -49,10 +49,6 @@ class Testing(Protocol):
         """
         ...
 
-    def needed(self, state: State, index: int, gain: Gain) -> bool:
-        """Return whether the held-out recordings need the effect at `index`, which lowers their error by `gain`."""
-        ...
-
 
 class ShareTesting(Testing, Protocol):
     """The tests of a search in which an effect must remove a share of the error."""
@@ -64,6 +60,10 @@ class ShareTesting(Testing, Protocol):
 
     def holds(self, state: State, trial: Trial) -> bool:
         """Return whether a trial's effects show in the held-out recordings alone."""
+        ...
+
+    def needed(self, state: State, index: int, gain: Gain) -> bool:
+        """Return whether the held-out recordings need the effect at `index`, which lowers their error by `gain`."""
         ...
 
 
