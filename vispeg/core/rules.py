@@ -360,7 +360,8 @@ class Proposed:
         "Candidates that are fitted at a step, and rivals of an effect, at most.",
         case="5 and 7 in 8 cases of seed 301131: the same effects and verdicts")
     contact_fitted: int = _rule(3, "contact", "65a197ce",
-        "Effects that are fitted at a step, alone and in pairs, and in the place of an effect.")
+        "Effects that are fitted at a step, alone and in pairs, and in the place of an effect.",
+        reason="the two that any case of hidden_contact hides, and one that imitates them")
     edge: float = _rule(0.005, "all", "45b9c56e",
         "Share of a range from its bound within which a value stands at the bound.",
         reason="where the optimum lies beyond a bound, bounded least squares ends this near it in 99 % of 2000 linear "
@@ -580,6 +581,12 @@ class Concluded:
         "Standard deviations by which the mean of few squared errors may lie above the floor's variance: of the blocks "
         "of a phase, or of blows.",
         reason="0.5 %, one-sided")
+    blow_parted: float = _rule(0.08, "contact", "5f5e4870",
+        "Share of a blow's peak force below which the tool is in flight.",
+        case="at 0.2 a part that presses on counted as flying, for 50 ms; at a touch alone flights of 6 ms were lost")
+    blow_brush: float = _rule(5.0, "contact", "5f5e4870",
+        "Multiple of the threshold of a touch up to which a peak is no blow.",
+        case="15 brushes peaked at 2.5 times it at most, 48 blows at 12 times and more (hidden_contact)")
     blow_form: float = _rule(0.2, "contact", "5f5e4870",
         "Share of a blow's impulse and flight by which the right model is off.",
         reason="a damping off by the root of `law` changes flights by 0.16 to 0.4, impulses by 0.08 at most")

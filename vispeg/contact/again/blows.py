@@ -134,9 +134,9 @@ def _felt(force: np.ndarray, rate: float, before: int, threshold: float) -> np.n
     touched = np.flatnonzero(np.abs(above) > threshold)
     begin = int(touched[0]) if len(touched) else 0
     peak = above[begin : begin + hit].max() if len(touched) else 0.0
-    if peak < threshold or begin + hit > len(above):
+    if peak < RULES.blow_brush * threshold or begin + hit > len(above):
         return np.full(2, np.nan)
-    on = above > threshold
+    on = above > max(threshold, RULES.blow_parted * peak)
     first = int(np.argmax(on))
     leaves = first + int(np.argmin(np.r_[on[first:], False]))
     flies = leaves < first + 2 * hit
