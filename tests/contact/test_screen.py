@@ -88,6 +88,25 @@ def test_a_screening_is_run_once_for_each_world_and_what_is_free_in_it():
     assert answers[0] == answers[1] and answers[2] == answers[4] != answers[3]
 
 
+def test_a_size_is_simulated_once_for_what_it_gains_and_for_what_would_show():
+    """The first screening has most of the sizes that minimum detectable sizes ask for."""
+
+    class Counted(Straight):
+        worlds: list[str] = []
+
+        def residual(self, world):
+            self.worlds.append(world.label)
+            return super().residual(world)
+
+    evidence = Counted(HIDDEN, {("hole_offset", "x"): HOLE[:, 0]})
+    searching = search(evidence)
+    tries = [("x", EffectInstance.of(*OFFSET, x=size)) for size in (1e-3, 3e-3)]
+    first = searching.screen(World()).ask(tries)
+    count = len(evidence.worlds)
+    assert searching.screen(World()).ask(tries[::-1]) == first[::-1]
+    assert len(evidence.worlds) == count
+
+
 def test_what_an_effect_gains_is_worked_out_once_and_never_below_none():
     """A resumed diagnosis asks it again, of the same world, place and value."""
     evidence, fresh, gains = two_alike(), [], []
