@@ -99,9 +99,9 @@ def test_an_effect_that_is_not_needed_given_the_others_is_removed():
     state = searching.start(World(), 0)
     (fit,) = searching.fits([World().add(FIXTURE).add(FRICTION)], 0, iterations=2)
     state.take(fit, searching.judge.losses([fit.world])[0])
-    assert remove_unneeded(searching, state, 0)
+    assert remove_unneeded(searching, state)
     assert [e.effect for e in state.world.effects] == ["contact_friction"]
-    assert not remove_unneeded(searching, state, 0), "the only one is not asked for"
+    assert not remove_unneeded(searching, state), "the only one is not asked for"
 
 
 def test_a_search_that_leaves_an_error_ends():
@@ -113,8 +113,8 @@ def test_a_search_that_leaves_an_error_ends():
     (fit,) = searching.fits([World().add(FIXTURE)], 0, iterations=1)
     state.take(fit, searching.judge.losses([fit.world])[0])
     assert searching.judge.mean(state.loss) > RULES.at_floor * searching.judge.floor(state.world)
-    assert any(way(state, 0) for way in searching.ways(state, 0)[1:]), "all but a further addition"
-    assert state.concluded and not searching.move(state, 0)
+    assert any(way(state, 0) for way in searching.ways(state)[1:]), "all but a further addition"
+    assert state.concluded and not searching.move(state)
 
 
 @pytest.mark.slow
@@ -202,7 +202,7 @@ def test_an_effect_that_may_be_absent_is_removed(others):
     state = searching.start(World(), 0)
     (fit,) = searching.fits([world], 0, iterations=1)
     state.take(replace(fit, world=world), state.loss)
-    assert remove_uncertain(searching, state, 0)
+    assert remove_uncertain(searching, state)
     assert [e.effect for e in state.world.effects] == [e.effect for e in others]
     (residual,) = searching.evidence.residuals([state.world])
     np.testing.assert_allclose(state.residual, residual, rtol=1e-6, atol=1e-9)

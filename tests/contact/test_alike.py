@@ -68,8 +68,8 @@ def test_a_rival_that_lacked_something_or_was_not_tried_is_fitted_with_it(tried)
     before = searching.start(World(), 0)
     kept = [(e, fits.fit(World().add(e))) for e in (FIXTURE, offset, *([grasp(x=4e-5)] if tried else []))]
     old = [Trial(Score(e, 1.0), fit, before.loss, Gain(0.0, 0.0, 0.0)) for e, fit in kept]
-    state = State(World().add(FIXTURE), before.loss, evidence.residual(World().add(FIXTURE)), steps=[(old[0], old)])
-    refitted(searching, state, 0)
+    state = State(World().add(FIXTURE), before.loss, evidence.residual(World().add(FIXTURE)), 0, steps=[(old[0], old)])
+    refitted(searching, state)
     taken, trials = state.steps[0]
     after = {t.score.key[0]: t for t in trials}
     assert taken is old[0] is after["fixture_compliance"] and after["hole_offset"] is old[1]

@@ -369,7 +369,7 @@ def test_what_acts_in_few_held_out_blocks_shows_by_its_size():
         after[few, 2] -= drop
         return Trial(Score(FRICTION, 0.0), fit, after, search.judge.gain(before, after))
 
-    state = State(World(), before, np.zeros(1))
+    state = State(World(), before, np.zeros(1), 0)
     assert trial(14.0).gain.z < stats.norm.isf(RULES.level)
     assert (
         search.holds(state, trial(14.0))

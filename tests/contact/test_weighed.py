@@ -70,7 +70,7 @@ def test_the_tools_mass_and_centre_do_as_well_in_the_parts_place(beside_it):
     """Also beside a centre of which one axis alone was named; the fits that follow free what they did before."""
     search, state = named((PART, *beside_it))
     absent = set(search.evidence.absent)
-    alike = tool_instead(search, state, 0)
+    alike = tool_instead(search, state)
     assert {e.effect for e in alike} == {"object_mass", "tool_mass", "tool_com"} and search.evidence.absent == absent
     mass, z = equivalent_tool(FOUND.scene, 1.8)
     by_name = {e.effect: e.params for e in alike}
@@ -81,7 +81,7 @@ def test_the_tools_mass_and_centre_do_as_well_in_the_parts_place(beside_it):
 def test_a_centre_of_the_tool_that_was_given_stays_in_the_tool_that_does_as_well():
     """The tool's centre moves along its axis from where the model had it, 10 mm aside."""
     search, state = named((PART,), (EffectInstance.of("tool_com", "gripper", x=0.01),))
-    _, mass, centre = tool_instead(search, state, 1)
+    _, mass, centre = tool_instead(search, state)
     wanted, z = equivalent_tool(FOUND.scene, 1.8)
     assert mass.params["mass"].value == pytest.approx(wanted, rel=0.2)
     assert centre.params["z"].value == pytest.approx(z, abs=3e-3)
@@ -91,7 +91,7 @@ def test_a_centre_of_the_tool_that_was_given_stays_in_the_tool_that_does_as_well
 def test_a_tool_mass_that_was_found_has_no_second_explanation():
     """The tool's mass is named by itself: no one number of the part does that."""
     search, state = named((EffectInstance.of("tool_mass", "gripper", mass=0.2),))
-    assert tool_instead(search, state, 0) == ()
+    assert tool_instead(search, state) == ()
 
 
 def test_a_record_names_confounded_masses_and_the_motion_that_separates_them():

@@ -50,8 +50,8 @@ class OfBias(SensorSearch):
 def found(*hidden: EffectInstance, flat: float = 0.0) -> Sensed:
     search = OfBias(*(seen(*hidden, seed=seed, flat=flat) for seed in (1, 2)))
     state = search.run(LIT)
-    rivals = search.rivals(state, 1)
-    state, alike = in_parts(search, confirmed(search, state, 1), 1)
+    rivals = search.rivals(state)
+    state, alike = in_parts(search, confirmed(search, state))
     return Sensed("depth", state, rivals, search.evidence, search.judged, LIT, [], search.shows_from(state), alike)
 
 

@@ -102,20 +102,20 @@ def test_what_the_held_out_recordings_want_stays_and_is_no_name_where_it_is_not_
     here = replace(state, slight=frozenset())
     here.take(fit, search.judge.losses([fit.world])[0])
     here.cross = search.cross.loss_of(fit, fit.residual)
-    prune.prune(search, here, 0)
+    prune.prune(search, here)
     assert {e.label for e in here.world.effects} == {e.label for e in HIDDEN}
-    assert here.slight == {e.label for e in HIDDEN} == never_named(here, 0)
+    assert here.slight == {e.label for e in HIDDEN} == never_named(here)
     search = Search(search.evidence, search.judge)
     search.cross = Cross(Careless(search.evidence))  # the fitted recordings call every one useless
-    prune.prune(search, here, 0)
-    assert len(here.world.effects) == len(HIDDEN) and not here.slight and not never_named(here, 0)
+    prune.prune(search, here)
+    assert len(here.world.effects) == len(HIDDEN) and not here.slight and not never_named(here)
 
 
 def test_slight_effects_are_those_of_the_present_model(searched):
     """A refused removal shows that its effect is needed; the others are slight, and none of an earlier model is."""
     search, state = Strict(searched[0].evidence, Careless(searched[0].judge.evidence)), searched[1]
     here = replace(state, slight=frozenset({"gone(elbow)"}))
-    prune.prune(search, here, 0)
+    prune.prune(search, here)
     labels = {e.label for e in here.world.effects}
     assert labels == {e.label for e in HIDDEN} and here.slight < labels and len(here.slight) == len(labels) - 1
 
@@ -146,9 +146,9 @@ def test_rivals_fitted_side_by_side_are_those_fitted_one_after_the_other(searche
     ]
     search = Asked(searched[0], *asked)
     with varied(at_floor=np.inf):  # the linear model's proposals alone
-        together = rivals.find_rivals(search, state, 0, lambda text: None)
+        together = rivals.find_rivals(search, state, lambda text: None)
         monkeypatch.setattr(rivals, "AT_ONCE", 1)
-        alone = rivals.find_rivals(Asked(searched[0], *asked), state, 0, lambda text: None)
+        alone = rivals.find_rivals(Asked(searched[0], *asked), state, lambda text: None)
     assert [r.label for r in together] == [e.label for e in state.world.effects]
     assert [len(r.tried) for r in together] == [0, 1, 1, 1]
     for a, b in zip(together, alone, strict=True):
@@ -164,12 +164,12 @@ def test_the_library_is_asked_in_the_joint_that_misses_most_unless_only_noise_is
     search, state = Asked(searched[0]), searched[1]
     joints = search.evidence.items[0].robot.joints
     worst = joints[int(np.argmax(joint_z(search.missing(state.world))))]
-    tried = rivals.find_rivals(search, state, 0, lambda text: None)
+    tried = rivals.find_rivals(search, state, lambda text: None)
     for placed, rival in zip(state.world.effects, tried, strict=True):
         assert bool(rival.tried) == (placed.where in (worst, "all")), placed.label
     assert any(r.tried for r in tried)
     with varied(at_floor=np.inf):
-        assert not any(r.tried for r in rivals.find_rivals(search, state, 0, lambda text: None))
+        assert not any(r.tried for r in rivals.find_rivals(search, state, lambda text: None))
 
 
 def test_signatures_beside_one_world_are_taken_once(searched):
@@ -246,7 +246,7 @@ def test_a_proposed_set_is_one_candidate_and_its_absent_effects_are_removed(reco
     ]
     search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:])), proposed=lambda: [*extra, *off])
     state = search.start(World())
-    assert search.move(state, 0)
+    assert search.move(state)
     (whole,) = [t for t in state.steps[0][1] if t.score.count == len(HIDDEN) + 2]
     assert not whole.rejected and whole.gain.relative > 0.99
     found = {e.label: e for e in state.world.effects}
@@ -260,5 +260,5 @@ def test_a_proposed_set_that_explains_nothing_is_refused(recordings):
     wrong = [EffectInstance.of("joint_bias", j, torque=0.3) for j in ("shoulder", "elbow")]
     search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:])), proposed=lambda: wrong)
     state = search.start(World())
-    assert search.move(state, 0)
+    assert search.move(state)
     assert {e.label for e in state.world.effects} == {e.label for e in HIDDEN}

@@ -36,7 +36,7 @@ def test_friction_that_falls_with_speed_takes_the_place_of_dry_friction(hidden, 
     search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:])))
     state = search.start(World(robot.source).add(DRY), 0)
     before = search.judge.mean(state.loss)
-    grow(search, state, DRY, 0)
+    grow(search, state, DRY)
     (found,) = state.world.effects
     assert found.effect == hidden.effect
     if hidden is FALLING:
@@ -53,7 +53,7 @@ def test_what_contains_dry_friction_shows_cross_fitted_or_surely_on_held_out_rec
     """`left` of 100 noise variances; standard errors at which 5 and 1 % pass by chance are 1.64 and 2.33."""
     gain = Gain(100.0 - left, alone, 1.0 - left / 100.0)
     trial = Trial(Score(FALLING, 0.0, out=(DRY,)), fit(World().add(FALLING)), lost(left), gain)
-    state = State(World().add(DRY), lost(100.0), np.zeros(1))
+    state = State(World().add(DRY), lost(100.0), np.zeros(1), 0)
     assert _explains_more(Search(evidence(), judge()), state, trial, crossed) == stands
 
 
@@ -63,7 +63,7 @@ def step(placed: EffectInstance, mean: float, *out: EffectInstance):
 
 
 def test_an_exchange_for_a_slightly_better_effect_keeps_the_scale_of_gains():
-    state = State(World(), np.zeros(0), np.zeros(0), first=1011.0, steps=[step(DRY, 1000.0)])
+    state = State(World(), np.zeros(0), np.zeros(0), 0, first=1011.0, steps=[step(DRY, 1000.0)])
     assert state.scale == pytest.approx(1000.0)
     state.steps.append(step(FALLING, 0.2, DRY))
     assert state.scale == pytest.approx(1000.1) and state.removed_by(FALLING) == pytest.approx(1000.2)
@@ -71,7 +71,7 @@ def test_an_exchange_for_a_slightly_better_effect_keeps_the_scale_of_gains():
 
 def test_the_gain_of_an_effect_includes_that_of_the_one_it_replaced():
     """Without end where two took turns: a step counts those before it alone."""
-    state = State(World(), np.zeros(0), np.zeros(0), first=101.0)
+    state = State(World(), np.zeros(0), np.zeros(0), 0, first=101.0)
     state.steps = [step(DRY, 60.0), step(FALLING, 30.0, DRY)]
     assert (state.removed_by(DRY), state.removed_by(FALLING)) == (60.0, 90.0)
     state.steps.append(step(DRY, 1.0, FALLING))

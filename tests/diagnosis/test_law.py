@@ -49,7 +49,7 @@ def searched(request):
 def test_presliding_takes_the_place_of_dry_friction_in_the_joints_that_show_it(searched):
     preslides, search, state = searched
     before = search.judge.mean(state.loss)
-    assert refined(search, state, 0) == bool(preslides)
+    assert refined(search, state) == bool(preslides)
     named = {(e.effect, e.where): e for e in state.world.effects}
     assert set(named) == {("hysteresis" if j in preslides else "coulomb_friction", j) for j in JOINTS}
     assert not preslides or search.judge.mean(state.loss) < 0.7 * before
@@ -58,7 +58,7 @@ def test_presliding_takes_the_place_of_dry_friction_in_the_joints_that_show_it(s
             p = named["hysteresis", joint].params
             assert p["torque"].value == pytest.approx(LEVEL[j], rel=0.05)
             assert p["stiffness"].low < STIFFNESS[joint] * 1.1 and p["stiffness"].high > STIFFNESS[joint] * 0.9
-    assert not refined(search, state, 0), "a second time there is nothing to gain"
+    assert not refined(search, state), "a second time there is nothing to gain"
 
 
 def test_a_law_is_asked_where_it_has_the_magnitudes_of_the_simple_one_and_is_not_there_yet():

@@ -52,7 +52,7 @@ def torques(sigma=0.5):
     return Search(evidence, Judge(evidence))
 
 
-STATE = State(World("iiwa14").add(CHOSEN), np.ones((3, 1)), np.zeros(1))
+STATE = State(World("iiwa14").add(CHOSEN), np.ones((3, 1)), np.zeros(1), 0)
 REFUSED = [Rivals(CHOSEN.label, (), (trial(OTHER),))]
 EQUAL = [Rivals(CHOSEN.label, (trial(OTHER),), (trial(OTHER),))]
 

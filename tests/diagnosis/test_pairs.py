@@ -51,7 +51,7 @@ class Alone(Search):
     tried: EffectInstance | None = None
     rejected = ""
 
-    def try_places(self, state, n_fixed, places, missing, tested, groups=(), several=False):
+    def try_places(self, state, places, missing, tested, groups=(), several=False):
         """Try the effect."""
         if self.tried is None:
             return []
@@ -63,7 +63,7 @@ class Alone(Search):
 def test_a_servo_and_a_limit_are_found_together_where_nothing_passes_alone(search):
     search = Alone(search.evidence, search.judge)
     state = search.start(World(pendulum().source))
-    best, *_ = search.offers(state, 0)
+    best, *_ = search.offers(state)
     assert not best.rejected and {e.effect for e in best.score.members} == {"servo", "goal_rate_limit"}
     assert best.score.label.endswith("(hinge)") and search.judge.mean(best.loss) < 1.2
     found = {e.effect: e for e in best.fit.world.effects}

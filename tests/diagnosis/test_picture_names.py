@@ -74,7 +74,7 @@ def test_the_first_name_that_is_not_doubted_comes_first_and_says_why_the_others_
         world = World().add(EffectInstance.of(name, WRIST))
         score = Score(world.effects[0], 0.0)
         trials.append(Trial(score, fits.fit(world), np.zeros((1, 1)), Gain(0.0, 0.0, 0.0), rejected))
-    order = search.questioned(State(World(), np.zeros((1, 1)), np.zeros(1)), trials, 0)
+    order = search.questioned(State(World(), np.zeros((1, 1)), np.zeros(1), 0), trials)
     assert [t.score.placed.effect for t in order] == ["camera_offset", "focal_error", "camera_delay"]
     assert [t.rejected for t in order] == ["", "x", "others do it"]
 

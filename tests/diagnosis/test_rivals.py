@@ -32,7 +32,7 @@ def test_what_the_chosen_effect_grew_from_is_no_rival_where_it_leaves_most_of_th
     rng = np.random.default_rng(0)
     spread = rng.uniform(0.9, 1.1, 40)
     play, tried = (EffectInstance.of(*at) for at in (("backlash", "joint3"), (rival, where)))
-    state = State(World().add(play), lost(1.7 * spread), np.zeros(1))
+    state = State(World().add(play), lost(1.7 * spread), np.zeros(1), 0)
     gain = judge().gain(lost(1e5 * spread), lost(left * spread))
     other = Trial(Score(tried, 0.0), fit(World().add(tried)), lost(left * spread), gain)
     assert grown_from(judge(), other, state, play.label) == refuted
@@ -69,7 +69,7 @@ def test_a_step_says_what_may_stand_in_the_place_of_its_effect_while_the_others_
     world = World().add(*(EffectInstance.of(name, "joint1") for name in names))
     others = [trial(*names[:k], new="cable_spring") for k in range(3)]
     steps = [(best := trial(*names[:k], new=names[k]), [best, others[k]]) for k in range(3)]
-    state = State(world, np.zeros((1, 1)), np.zeros(1), steps=steps)
+    state = State(world, np.zeros((1, 1)), np.zeros(1), 0, steps=steps)
     step = state.step_that_added(world.effects[2])
     assert step is not None and step[0] is steps[2][0] and step[1][1] is others[2]
     assert state.step_that_added(world.effects[0]) is None, "others came in later"
@@ -80,7 +80,7 @@ def test_a_step_says_what_may_stand_in_the_place_of_its_effect_while_the_others_
 def alone(*trials: Trial, beside: tuple[str, ...] = ()) -> State:
     """The state of a search with the one step of these trials, and the first effect of its first trial."""
     world = World().add(*(EffectInstance.of(name, "joint1") for name in (*beside, trials[0].score.placed.effect)))
-    return State(world, np.zeros((1, 1)), np.zeros(1), steps=[(trials[0], [*trials])])
+    return State(world, np.zeros((1, 1)), np.zeros(1), 0, steps=[(trials[0], [*trials])])
 
 
 def test_rivals_of_a_single_effect_are_those_tried_in_its_place_in_the_present_world():
@@ -100,14 +100,14 @@ def test_what_cannot_be_told_from_an_effect_is_recorded_as_such():
     spread = np.random.default_rng(3).uniform(0.9, 1.1, 40)
     names = "coulomb_friction", "viscous_friction", "cable_spring"
     chosen, *others = (EffectInstance.of(name, "hinge") for name in names)
-    state = State(World().add(chosen), lost(spread), np.zeros(1))
+    state = State(World().add(chosen), lost(spread), np.zeros(1), 0)
     losses = lost(spread * (1.0 + 1e-4)), lost(30.0 * spread)
     trials = [
         Trial(Score(e, 1.0), fit(World().add(e)), loss, judge().gain(lost(99.0 * spread), loss))
         for e, loss in zip(others, losses, strict=True)
     ]
     rivals = compared(judge(), state, chosen.label, trials, 99.0)
-    said = {row["effect"]: row["rejected_because"] for row in candidates(state, [rivals], 0)}
+    said = {row["effect"]: row["rejected_because"] for row in candidates(state, [rivals])}
     assert [t.score.placed.effect for t in rivals.equals] == ["viscous_friction"]
     assert said == {
         "viscous_friction": "indistinguishable from coulomb_friction(hinge)",
@@ -131,8 +131,8 @@ def test_a_rival_in_the_place_of_an_effect_removed_what_both_removed_and_leaves_
     state = search.start(World().add(bias, viscous), 0)
     first = Trial(Score(viscous, 0.0), state.fit, state.loss, search.judge.gain(nothing.loss, state.loss))
     state.steps, state.first, state.slight = [(first, [first])], nothing.first, frozenset({bias.label})
-    (rival,) = search.try_all(search.start(World().add(bias), 0), [Score(dry, 0.0)], 0, 1)
-    _put_in(search, state, rival, viscous.label, 0)
+    (rival,) = search.try_all(search.start(World().add(bias), 0), [Score(dry, 0.0)], 1)
+    _put_in(search, state, rival, viscous.label)
     assert [e.label for e in state.world.effects] == [dry.label] and not state.slight
     assert state.removed_by(dry) == pytest.approx(nothing.first - search.judge.mean(rival.loss))
 
@@ -153,7 +153,7 @@ def test_play_explains_more_a_rotor_where_it_removes_most_of_what_is_left_over_t
     spread, noise = rng.uniform(0.9, 1.1, 40), rng.standard_normal(evidence().length)
     spread /= spread.mean()
     simple, richer = EffectInstance.of("rotor_inertia", "elbow"), EffectInstance.of("backlash", "elbow")
-    state = State(World().add(simple), lost(rotor * spread), np.sqrt(rotor) * noise)
+    state = State(World().add(simple), lost(rotor * spread), np.sqrt(rotor) * noise, 0)
     better = fit(World().add(richer), residual=np.sqrt(play) * noise)
     gain = judge().gain(state.loss, lost(play * spread))
     trial = Trial(Score(richer, 0.0, out=(simple,)), better, lost(play * spread), gain)

@@ -150,7 +150,7 @@ def test_a_search_in_the_roles_asked_for_leaves_nothing_in_the_progress_for_othe
         out.append(replace(rec, path=Path("ABC"[i]), control=Control("unknown", 200.0), q_cmd=None))
     world, progress = World(robot.source), Progress()
     search = Search(TorqueEvidence(out[:2]), Judge(TorqueEvidence(out[2:])), progress=progress)
-    search.offers(search.start(world), 0)
+    search.offers(search.start(world))
     again, fresh = (
         diagnose(world, out[:2], out[2:], nthread=1, plan_next=False, progress=p) for p in (progress, Progress())
     )

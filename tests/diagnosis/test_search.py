@@ -79,7 +79,7 @@ class Told(Search):
         super().__init__(evidence, judge)
         self.alone, self.several, self.asked = alone, several, []
 
-    def try_places(self, state, n_fixed, places, missing, tested, groups=(), several=False):
+    def try_places(self, state, places, missing, tested, groups=(), several=False):
         """Say what was asked for: whether places, the effects of the groups, and whether several at once."""
         self.asked.append((bool(places), {name for group in groups for name, _ in group}, several))
         return [self.several if several else self.alone]
@@ -92,7 +92,7 @@ def body(label: str, where: str, loss: float) -> Trial:
 
 
 def test_a_value_at_its_bound_comes_after_whatever_else_passes():
-    state = State(World(), lost(1e3), np.zeros(1))
+    state = State(World(), lost(1e3), np.zeros(1), 0)
     friction, limit = trial("viscous_friction", 150.0), trial("torque_speed_limit", 90.0, at_bound=True)
     gone = trial(
         "rotor_inertia",
@@ -111,11 +111,11 @@ def test_a_value_at_its_bound_comes_after_whatever_else_passes():
 
 def test_of_equals_a_load_comes_before_the_centre_of_a_link_though_it_has_more_parameters():
     load, centre = body("payload", "flange", 151.0), body("link_com", "link7", 150.0)
-    alone = State(World(), lost(1e3), np.zeros(1))
+    alone = State(World(), lost(1e3), np.zeros(1), 0)
     assert in_order(judge(), alone, [centre, load])[0] is centre, "one thing wrong with an arm may be a link as well"
     some = [body("payload", "flange", 301.0), body("link_com", "link7", 300.0)]
     assert in_order(judge(), alone, some)[0] is some[0], "where one leaves much, more is wrong"
-    faint = State(World(), lost(3.0), np.zeros(1))
+    faint = State(World(), lost(3.0), np.zeros(1), 0)
     few = [replace(t, loss=lost(1.0 + k / 2500), gain=Gain(2.0, 9.0, 0.67)) for k, t in enumerate(some)]
     assert in_order(judge(), faint, few)[0] is few[1], "noise is nothing that one leaves"
     state = replace(alone, fit=load.fit)
@@ -133,7 +133,7 @@ def test_of_equals_one_effect_comes_before_several_with_fewer_parameters():
     load, mass = body("payload", "flange", 151.0), body("link_mass", "link7", 150.0)
     beside = EffectInstance.of("link_mass", "link6", mass=-0.1)
     several = replace(mass, score=Score(mass.score.placed, 1.0, (beside,)), fit=fit(mass.fit.world.add(beside)))
-    state = State(World(), lost(1e3), np.zeros(1))
+    state = State(World(), lost(1e3), np.zeros(1), 0)
     assert in_order(judge(), state, [several, load])[0] is load
     part = body("payload", "flange", 400.0)
     assert in_order(judge(), state, [several, part])[0] is several, "unless the one leaves much that several explain"
@@ -148,7 +148,7 @@ def test_a_large_gain_in_few_blocks_of_time_shows_in_held_out_recordings(blocks,
     before = np.where(number < blocks, 200.0, 100.0)
     after = before - np.where(number < blocks, drop + number / 100, -3.0 - number / 100)
     tried = replace(trial("viscous_friction", 100.0), loss=lost(after / 25.0))
-    assert Search(evidence(), judge()).holds(State(World(), lost(before / 25.0), np.zeros(1)), tried) == holds
+    assert Search(evidence(), judge()).holds(State(World(), lost(before / 25.0), np.zeros(1), 0), tried) == holds
 
 
 @pytest.mark.parametrize(
@@ -163,7 +163,7 @@ def test_a_large_gain_in_few_blocks_of_time_shows_in_held_out_recordings(blocks,
 def test_what_removes_little_beside_friction_is_named_where_no_friction_can_remove_it(name, passes, beside):
     """2 % of what friction removed, 40 % of what is left: form of friction, or a torque of the angle."""
     came = replace(trial(beside, 1e3), gain=Gain(2e4, 9.0, 20.0 / 21.0))
-    state = State(came.fit.world, lost(1e3), np.zeros(1), first=21e3, steps=[(came, [came])])
+    state = State(came.fit.world, lost(1e3), np.zeros(1), 0, first=21e3, steps=[(came, [came])])
     t = replace(trial(name, 600.0), gain=Gain(400.0, 9.0, 0.4), loss=lost(np.linspace(590.0, 610.0, 40)))
     text = refusal(Search(evidence(), judge()), state, t, 3.0, True)
     assert (
@@ -180,7 +180,7 @@ def test_several_are_tried_at_a_time_where_one_joint_comes_first_and_its_best_is
     alone, rest = trial("torque_speed_limit", remains, at_bound), trial("coulomb_friction", 100.0)
     search = Told(evidence(), judge(), alone, rest)
     world = World(evidence().recordings[0].robot)
-    first = search.offers(State(world, lost(1e3), np.zeros(evidence().length)), 0)[0]
+    first = search.offers(State(world, lost(1e3), np.zeros(evidence().length), 0))[0]
     assert first is (rest if at_bound or remains > 100.0 else alone)
     again = at_bound or remains > 2.0
     assert search.asked[0] == (True, set(), False)
@@ -188,7 +188,7 @@ def test_several_are_tried_at_a_time_where_one_joint_comes_first_and_its_best_is
     assert not again or (search.asked[1][0] is False and search.asked[1][2])
     assert not again or "coulomb_friction" in search.asked[1][1]
     search.asked.clear()
-    search.offers(State(world, lost(1e3), np.zeros(evidence().length), fit=rest.fit), 0)
+    search.offers(State(world, lost(1e3), np.zeros(evidence().length), 0, fit=rest.fit))
     assert [several for *_, several in search.asked] == [True], "beside a fit, several are tried from the first"
 
 
@@ -199,12 +199,12 @@ def test_effects_are_exchanged_where_nothing_more_would_be_added(recordings):
     damping = EffectInstance.of("viscous_friction", "shoulder", damping=0.5)
     state = search.start(World(recordings[0].robot).add(damping), 0)
     before = search.judge.mean(state.loss)
-    assert not search.worth_it(state, 0)
-    search.go_on(state, 0)
+    assert not search.worth_it(state)
+    search.go_on(state)
     assert [e.label for e in state.world.effects] == ["coulomb_friction(shoulder)"]
     assert search.judge.mean(state.loss) < 0.1 * before
     stays = state.world
-    search.go_on(state, 0)
+    search.go_on(state)
     assert state.world == stays
 
 
@@ -216,7 +216,7 @@ def test_the_fit_of_an_accepted_effect_goes_on_until_it_has_converged(recordings
     (fit,) = search.fits([state.world.add(far)], 0, iterations=2)
     (loss,) = search.judge.losses([fit.world])
     tried = Trial(Score(far, 1.0), fit, loss, search.judge.gain(state.loss, loss))
-    search.take(state, tried, [tried], 0)
+    search.take(state, tried, [tried])
     assert not fit.converged and state.fit is not None and state.fit.converged
     assert state.world.effects[0].params["torque"].value == pytest.approx(0.8, rel=1e-3)
 
@@ -226,7 +226,7 @@ def test_a_promise_is_measured_on_what_the_fitted_recordings_show(touch, share):
     """A limit that one motion touches for a moment and the judge for seconds can promise no more than the moment."""
     search = Search(evidence(), judge())
     state = State(
-        World(), lost(100.0), np.full(evidence().length, np.sqrt(touch * 1000 / evidence().length)), first=100.0
+        World(), lost(100.0), np.full(evidence().length, np.sqrt(touch * 1000 / evidence().length)), 0, first=100.0
     )
     assert search.judge.mean(state.loss) == pytest.approx(100.0)
     assert search.least_drop(state) == pytest.approx(RULES.gain * 100.0 * share)

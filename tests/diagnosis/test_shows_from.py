@@ -160,7 +160,7 @@ def test_what_fitted_parameters_imitate_is_not_worth_a_parameter():
     derivative, rest, noise = (np.where(valid, v, 0.0) for v in rng.standard_normal((3, n)))
     placed = EffectInstance.of("viscous_friction", "hinge", damping=1.0)
     fit = fits.fit(World().add(placed), residual=noise, jacobian=derivative[:, None])
-    state, search = State(fit.world, fits.lost(1.0), noise, fit), Search(fits.evidence(), fits.judge())
+    state, search = State(fit.world, fits.lost(1.0), noise, 0, fit), Search(fits.evidence(), fits.judge())
     tried = Tried(EffectInstance.of("coulomb_friction", "hinge", torque=1.0), "torque")
     least = [
         min(t for t in np.geomspace(0.01, 10.0, 400) if seen.worth_it(t))

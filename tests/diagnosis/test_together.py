@@ -144,16 +144,16 @@ def test_aliases_are_not_named_and_certain_effects_are(toy):
     assert said["joint_bias(joint1)"].costs > RULES.name_costs, "without the tilt beside it, it looks needed"
     assert said["joint_bias(joint1)"].shaken == said["joint_bias(joint2)"].shaken == ("gravity_tilt(base)",)
     assert said["coulomb_friction(joint3)"].shaken == ()
-    state = State(fit.world, np.zeros((1, 1)), fit.residual)
-    assert tentative(state, 0, found, []) == {"joint_bias(joint1)", "joint_bias(joint2)"}
+    state = State(fit.world, np.zeros((1, 1)), fit.residual, 0)
+    assert tentative(state, found, []) == {"joint_bias(joint1)", "joint_bias(joint2)"}
 
 
 def test_far_from_the_recordings_only_what_removes_as_much_as_is_left_is_named(toy):
     fit = fitted(toy["noise"], [toy["a"], toy["b"]], [1.0, 1.0])
-    state = State(fit.world, np.zeros((1, 1)), fit.residual)
+    state = State(fit.world, np.zeros((1, 1)), fit.residual, 0)
     much, little = Exchange("joint_bias(joint1)", 1.5, (), ()), Exchange("joint_bias(joint2)", 0.5, (), ())
-    assert not tentative(state, 0, [much, little], [])
-    assert tentative(state, 0, [much, little], [], far=True) == {"joint_bias(joint2)"}
+    assert not tentative(state, [much, little], [])
+    assert tentative(state, [much, little], [], far=True) == {"joint_bias(joint2)"}
 
 
 def test_exchange_with_the_doubted_candidates_alone_is_that_with_all(toy):
@@ -186,13 +186,13 @@ def test_an_effect_is_named_together_with_its_proven_rivals(toy):
     ground = Ground(Dictionary(fit.residual, [other], fit), LEFT)
     (own,) = exchanges(ground, ground)
     assert own.shaken == ("encoder_offset(joint1)",) and [r.label for r in own.rivals] == ["encoder_offset(joint1)"]
-    state = State(fit.world, np.zeros((1, 1)), fit.residual)
+    state = State(fit.world, np.zeros((1, 1)), fit.residual, 0)
     rival = Trial(Score(other.probe, 0.0), fitted(y - near, [other], [0.01]), np.zeros((1, 1)), Gain(0.0, 0.0, 0.0))
     proven = Rivals("joint_bias(joint1)", (rival,), (rival,))
     lost = Rivals("joint_bias(joint1)", (), (rival,))
-    assert tentative(state, 0, [own], []) == {"joint_bias(joint1)"}, "a rival that was not tried may be the truth"
-    assert not tentative(state, 0, [own], [proven]), "named, with its rival"
-    assert not tentative(state, 0, [own], [lost]), "named alone: the rival was fitted and lost"
+    assert tentative(state, [own], []) == {"joint_bias(joint1)"}, "a rival that was not tried may be the truth"
+    assert not tentative(state, [own], [proven]), "named, with its rival"
+    assert not tentative(state, [own], [lost]), "named alone: the rival was fitted and lost"
 
 
 def test_a_name_must_win_where_nothing_was_fitted(toy):
@@ -219,9 +219,9 @@ def test_a_value_at_its_bound_is_no_name():
     """A gain of .5, as far as it goes, stands for something else; one of .9, or no friction left, does not."""
     at, inside = (EffectInstance.of("torque_gain", f"joint{k}", gain=g) for k, g in ((1, 0.5), (2, 0.9)))
     least = EffectInstance.of("coulomb_friction", "joint3", torque=1e-4)
-    state = State(World().add(at, inside, least), np.zeros((1, 1)), np.zeros(1))
-    assert never_named(state, 0) == {"torque_gain(joint1)"}
-    assert not never_named(state, 1), "what was given is not asked"
+    state = State(World().add(at, inside, least), np.zeros((1, 1)), np.zeros(1), 0)
+    assert never_named(state) == {"torque_gain(joint1)"}
+    assert not never_named(replace(state, n_fixed=1)), "what was given is not asked"
 
 
 def test_every_bound_but_null_is_one_on_linear_and_on_logarithmic_scales():
@@ -232,8 +232,8 @@ def test_every_bound_but_null_is_one_on_linear_and_on_logarithmic_scales():
             between = np.sqrt(p.low * p.high) if p.scale == "log" else 0.3 * p.low + 0.7 * p.high
             for value, bound in [*((end, True) for end in ends), (float(between), False)]:
                 placed = EffectInstance.of(name, "joint1", **{m: value})
-                state = State(World().add(placed), np.zeros((1, 1)), np.zeros(1))
-                assert never_named(state, 0) == ({placed.label} if bound else set()), (name, m, value)
+                state = State(World().add(placed), np.zeros((1, 1)), np.zeros(1), 0)
+                assert never_named(state) == ({placed.label} if bound else set()), (name, m, value)
 
 
 def test_only_effects_that_grow_in_proportion_are_proposed():
@@ -263,8 +263,8 @@ def test_a_value_at_its_bound_is_not_proposed():
     small = Signature(rotor, ("inertia",), np.ones((N, 1)))
     assert small.possible([1.0]) and not small.possible([-0.1]), "next to null, which is no bound, is a small wrist's"
     assert small.possible([2400.0]) and not small.possible([5.0 / 0.002])
-    state = State(World().add(EffectInstance.of("torque_gain", "joint1", gain=0.5)), np.zeros((1, 1)), np.zeros(N))
-    assert tentative(state, 0, [], []) == {"torque_gain(joint1)"}
+    state = State(World().add(EffectInstance.of("torque_gain", "joint1", gain=0.5)), np.zeros((1, 1)), np.zeros(N), 0)
+    assert tentative(state, [], []) == {"torque_gain(joint1)"}
 
 
 @pytest.mark.parametrize("correlation", [0.5, -0.97])
@@ -273,8 +273,8 @@ def test_two_effects_that_cancel_are_both_tentative(toy, correlation):
     fit = fitted(toy["noise"], [toy["a"], toy["b"]], [1.4, -1.4])
     fit = replace(fit, correlation=np.array([[1.0, correlation], [correlation, 1.0]]))
     world = fit.world
-    state = State(world, np.zeros((1, 1)), fit.residual, fit)
-    assert (tentative(state, 0, [], []) == {e.label for e in world.effects}) == (correlation < -0.9)
+    state = State(world, np.zeros((1, 1)), fit.residual, 0, fit)
+    assert (tentative(state, [], []) == {e.label for e in world.effects}) == (correlation < -0.9)
 
 
 def test_a_link_must_earn_its_place_more_than_friction(toy):

@@ -112,8 +112,8 @@ def diagnose_contact(
     before_held = judged.residuals([world])[0]
     state = search.run(world, n_fixed)
     shows = search.least
-    tool = confounded.tool_instead(search, state, n_fixed)
-    rivals = rivals_of_each(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
+    tool = confounded.tool_instead(search, state)
+    rivals = rivals_of_each(search, state, say) if len(state.world.effects) > n_fixed else []
     errors = judged.errors([world, state.world])
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
     say("simulating impacts")
@@ -167,7 +167,7 @@ def diagnose_contact(
         "allowed": nuisances,
         "closed_loop": replayed,
         "next_experiment": confounded.separating(tool) or separating(fitted_world, rivals, unseen, together, recorded),
-        "candidates": candidates(state, rivals, n_fixed),
+        "candidates": candidates(state, rivals),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],
         "correlations": correlations(state),

@@ -74,9 +74,9 @@ class ObjectSearch(PlainSearch):
         """Return the fit of all effects after the first `n_fixed` by line searches, as in `PlainSearch`."""
         return line_job(world, range(n_fixed, len(world.effects)), ended=ended)
 
-    def finish(self, state: State, n_fixed: int) -> World:
+    def finish(self, state: State) -> World:
         """Set final values and intervals from a quadratic surface over resampled tosses, as in `PlainSearch`."""
-        free, rng = range(n_fixed, len(state.world.effects)), np.random.default_rng([self.seed, 19])
+        free, rng = range(state.n_fixed, len(state.world.effects)), np.random.default_rng([self.seed, 19])
         state.world = with_intervals(self.evidence, state.world, free, rng)
         (state.loss,), (state.residual,) = self.judge.losses([state.world]), self.evidence.residuals([state.world])
         return state.world

@@ -87,9 +87,9 @@ def concluded(
     evidence, judged, begin = search.evidence, search.judged, opened(world)
     world, n_fixed = begin.world, begin.n_given
     state = search.run(world, n_fixed)
-    final = search.finish(state, n_fixed)
+    final = search.finish(state)
     search.say("what else would do as well")
-    rivals = search.rivals(state, n_fixed)
+    rivals = search.rivals(state)
     errors = judged.errors([world, state.world])
     over_floor = (errors[0] / judged.floor, errors[1] / judged.floor)
     n_added = len(final.effects) - n_fixed
@@ -108,7 +108,7 @@ def concluded(
         "unexplained": verdict.unexplained,
         "next_experiment": None,
         "shows_from": search.shows_from(state),
-        "candidates": candidates(state, rivals, n_fixed),
+        "candidates": candidates(state, rivals),
         "recordings": {"fit": [r.name for r in recordings[0]], "validate": [r.name for r in recordings[1]]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],
         "parameters_moved": moved(state),

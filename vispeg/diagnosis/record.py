@@ -123,7 +123,7 @@ def ladder(
     ]
 
 
-def candidates(state: State, rivals: Sequence[Rivals], n_fixed: int) -> list[Candidate]:
+def candidates(state: State, rivals: Sequence[Rivals]) -> list[Candidate]:
     """Return the rejected candidates of the search and all tried rivals, with the reasons."""
     out = []
     for best, trials in state.steps:
@@ -131,14 +131,14 @@ def candidates(state: State, rivals: Sequence[Rivals], n_fixed: int) -> list[Can
             if t.score is best.score:
                 continue
             why = t.rejected or f"{best.score.label} explains the held-out data as well or better"
-            out.append(_candidate(t, why, n_fixed))
-    out += [_candidate(t, t.rejected, n_fixed) for t in state.last]
+            out.append(_candidate(t, why, state.n_fixed))
+    out += [_candidate(t, t.rejected, state.n_fixed) for t in state.last]
     listed = {(c["effect"], c["where"]) for c in out}
     for r in rivals:
         for t in r.tried:
             if t.score.key not in listed:
                 compared = "indistinguishable from" if t in r.equals else "explains less than"
-                out.append(_candidate(t, t.rejected or f"{compared} {r.label}", n_fixed))
+                out.append(_candidate(t, t.rejected or f"{compared} {r.label}", state.n_fixed))
     return out
 
 

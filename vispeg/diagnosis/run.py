@@ -118,11 +118,11 @@ def diagnose(
     verdict = decide(before, after, n_added, rivals, depends, floor, mark, worst, len(begin.read), seen)
     unjudged = parts.outdone(state.world) if verdict.verdict != "unexplained" or not n_added else None
     verdict = verdict if unjudged is None else undecided(unjudged, before, after, floor)
-    changing = search.changes(state, n_fixed)
-    unsure = never_named(state, n_fixed)
+    changing = search.changes(state)
+    unsure = never_named(state)
     if verdict.partial and state.fit is not None:
         say("asking which names are certain")
-        unsure = tentative(state, n_fixed, search.exchanges(state), rivals, far=worst > RULES.far)
+        unsure = tentative(state, search.exchanges(state), rivals, far=worst > RULES.far)
     unsure |= {c.label for c in changing}
     verdict = without_tentative(verdict, rivals, unsure)
     explained = shares(judge, state.world, n_given, before, after, floor)
@@ -174,7 +174,7 @@ def diagnose(
         "channels": channels(judged, predicted, least),
         "next_experiment": upcoming,
         "shows_from": hidden,
-        "candidates": candidates(state, rivals, n_fixed),
+        "candidates": candidates(state, rivals),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],
         "correlations": correlations(state),

@@ -31,9 +31,9 @@ def free_lacking(search: ContactSearching, placed: EffectInstance, rival: Effect
     return bool(names)
 
 
-def refitted(search: ContactSearching, state: State, n_fixed: int) -> None:
+def refitted(search: ContactSearching, state: State) -> None:
     """Refit competitors of a single added effect that lacked one of its parameters, and fit those not tried before."""
-    chosen = state.world.effects[n_fixed:]
+    chosen = state.added
     if len(chosen) != 1 or len(state.steps) != 1:
         return
     (placed,), (taken, trials) = chosen, state.steps[0]
@@ -44,8 +44,8 @@ def refitted(search: ContactSearching, state: State, n_fixed: int) -> None:
     again = [rival for rival in (*lone.values(), *felt) if free_lacking(search, placed, rival)]
     if not again:
         return
-    before = search.start(world, n_fixed)
-    tried = search.try_all(before, [Score(rival, 0.0) for rival in again], n_fixed, search.tested(before))
+    before = search.start(world, state.n_fixed)
+    tried = search.try_all(before, [Score(rival, 0.0) for rival in again], search.tested(before))
     anew = {t.score.key: t.bare for t in tried}
     old = [t if t.score.beside else anew.pop(t.score.key, t) for t in trials]
     state.steps[0] = taken, [*old, *anew.values()]

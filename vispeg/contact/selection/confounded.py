@@ -96,7 +96,7 @@ def _higher(placed: EffectInstance) -> bool:
     return z is not None and (z.value if z.low is None else z.low) > 0.0
 
 
-def tool_instead(search: ContactSearching, state: State, n_fixed: int) -> Together:
+def tool_instead(search: ContactSearching, state: State) -> Together:
     """Return the part's mass that a search added, followed by the tool's mass and centre that explain as much.
 
     In any orientations, the readings of a wrist sensor determine mass, centre of mass and inertia of tool and part
@@ -108,7 +108,7 @@ def tool_instead(search: ContactSearching, state: State, n_fixed: int) -> Togeth
     recordings distinguish the two explanations. The first `n_fixed` effects of the state's world were given; a given
     centre of the tool is fitted too, from its value.
     """
-    added = {e.effect: e for e in state.world.effects[n_fixed:]}
+    added = {e.effect: e for e in state.added}
     scene = search.evidence.items[0].source.scene
     where = place_of(effect(TOOL_MASS), scene)
     if PART_MASS not in added or not where or any(e.effect == TOOL_MASS for e in state.world.effects):
@@ -116,13 +116,13 @@ def tool_instead(search: ContactSearching, state: State, n_fixed: int) -> Togeth
     part, world = added[PART_MASS], state.world.without(PART_MASS, added[PART_MASS].where)
     search.say(f"fitting {TOOL_MASS}({where}) and {TOOL_CENTRE}({where}) in the place of {part.label}")
     if len(added) > 1:
-        world = search.reduced([world], n_fixed)[0].world
+        world = search.reduced([world], state.n_fixed)[0].world
     neither = search.judge.mean(search.judge.losses([world])[0])  # of the model without the mass of part or tool
     absent = search.evidence.absent  # the tool's parameters are fitted here even if the search found them absent
     search.evidence.absent = {(name, k) for name, k in absent if name not in (TOOL_MASS, TOOL_CENTRE)}
     mass, z = equivalent_tool(scene, part.params["scale"].value)
     centres = [e for e in world.effects if e.effect == TOOL_CENTRE] or [EffectInstance.of(TOOL_CENTRE, where, z=z)]
-    fixed = sum(e not in centres for e in world.effects[:n_fixed])
+    fixed = sum(e not in centres for e in world.effects[: state.n_fixed])
     world = world.only(lambda e: e not in centres).add(EffectInstance.of(TOOL_MASS, where, mass=mass), *centres)
     (fit,) = search.fits([world], fixed)
     search.evidence.absent = absent

@@ -116,34 +116,34 @@ class ContactSearch(Loop):
             self.evidence.absent |= {(kind.name, k) for k, v in e.params.items() if v.value == kind.params[k].null}
         return begun(self, world, n_fixed)
 
-    def ways(self, state: State, n_fixed: int) -> Sequence[Callable[[State, int], bool]]:
+    def ways(self, state: State) -> Sequence[Callable[[State], bool]]:
         """Return the moves: adding an effect, even at the noise floor, as long as few were added; then the conclusion.
 
         The floors include errors that a good sensor does not have, so a residual below them may still show an effect.
         """
-        return () if state.concluded else (*super().ways(state, n_fixed), self._conclude)
+        return () if state.concluded else (*super().ways(state), self._conclude)
 
     def announce(self, state: State) -> None:
         """Report the model and its held-out error."""
         self.say(f"{state.world.label}: held-out {floors(self.judge.mean(state.loss))} x noise; screening")
 
-    def _conclude(self, state: State, n_fixed: int) -> bool:
+    def _conclude(self, state: State) -> bool:
         """Remove effects that the others make superfluous or that may be absent; return whether any was fitted.
 
         Intervals are costly here, so they are computed once, for the final effects.
         """
         if state.fit is None:
             return False
-        while remove_unneeded(self, state, n_fixed):
+        while remove_unneeded(self, state):
             pass
-        refitted(self, state, n_fixed)
-        self.bound(state, n_fixed)
-        while remove_uncertain(self, state, n_fixed):
-            self.bound(state, n_fixed)
+        refitted(self, state)
+        self.bound(state)
+        while remove_uncertain(self, state):
+            self.bound(state)
         state.concluded = True
         return True
 
-    def bound(self, state: State, n_fixed: int) -> None:
+    def bound(self, state: State) -> None:
         """Compute intervals by profiling the squared residual; refit if a lower minimum is found on the way."""
         fit = state.fit
         if fit is None:
@@ -151,7 +151,7 @@ class ContactSearch(Loop):
         self.say(f"{fit.world.label}: intervals")
         world, best = intervals(self.evidence, fit)
         if np.any(best != fit.u):
-            (fit,) = self.fits([fit.space.at(best)], n_fixed, iterations=2)
+            (fit,) = self.fits([fit.space.at(best)], state.n_fixed, iterations=2)
             world, _ = intervals(self.evidence, fit)
         fit = replace(fit, world=world)
         state.take(fit, self.judge.losses([fit.world])[0])
@@ -186,13 +186,11 @@ class ContactSearch(Loop):
             self.lately = dict(zip((w.label for w in worlds), fits, strict=True))
         return [self.lately[w.label] for w in worlds]
 
-    def try_all(
-        self, state: State, scores: Sequence[Score], n_fixed: int, tested: int, goal: float | None = None
-    ) -> list[Trial]:
+    def try_all(self, state: State, scores: Sequence[Score], tested: int, goal: float | None = None) -> list[Trial]:
         """Fit and judge candidates, as `tries.try_each`."""
-        return try_each(self, [(state, scores, tested)], n_fixed, goal)[0]
+        return try_each(self, [(state, scores, tested)], state.n_fixed, goal)[0]
 
-    def offers(self, state: State, n_fixed: int) -> list[Trial]:
+    def offers(self, state: State) -> list[Trial]:
         """Screen the library, fit the best effects and, if none of them reaches the floor, their pairs."""
         scores, tested = self.scored(state), self.tested(state)
         promise = promises(self.probed(state.world, places(self.evidence, state.world)))
@@ -200,12 +198,12 @@ class ContactSearch(Loop):
         scores = [s for s in scores if promise[s.key] >= RULES.promise * self.needed_beside(state.world)]
         if not scores:
             return []
-        trials = self.try_all(state, scores[: RULES.contact_fitted], n_fixed, tested)
+        trials = self.try_all(state, scores[: RULES.contact_fitted], tested)
         best = min(trials, key=lambda t: float(t.loss.sum()))
         if len(trials) < 2 or self.judge.mean(best.loss) < RULES.adequate:
             return self.of_cell_first(state, trials)
         pairs = self.pairs(trials)
-        trials = trials + (self.try_all(state, pairs, n_fixed, tested) if pairs else [])
+        trials = trials + (self.try_all(state, pairs, tested) if pairs else [])
         return self.of_cell_first(state, sorted(trials, key=lambda t: (bool(t.rejected), float(t.loss.sum()))))
 
     def of_cell_first(self, state: State, trials: list[Trial]) -> list[Trial]:
@@ -236,14 +234,14 @@ class ContactSearch(Loop):
         """Return the number of effects that are not in the world yet."""
         return len(places(self.evidence, state.world))
 
-    def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
+    def take(self, state: State, trial: Trial, trials: list[Trial]) -> None:
         """Add the effects of a trial, fitted to convergence, without the parameters that may be absent."""
         state.steps.append((trial.bare, [t.bare for t in trials]))
         self.lately = {}
         fit = trial.fit
         if state.fit is not None:  # the trial was fitted in few steps
-            (fit,) = self.fits([fit.world], n_fixed)
-        fit = sparse(self.evidence, fit, n_fixed, lambda w: self.fits([w], n_fixed)[0])
+            (fit,) = self.fits([fit.world], state.n_fixed)
+        fit = sparse(self.evidence, fit, state.n_fixed, lambda w: self.fits([w], state.n_fixed)[0])
         state.take(fit, self.judge.losses([fit.world])[0])
         state.cross, state.concluded = self.cross.loss_of(fit, fit.residual), False
 

@@ -22,7 +22,7 @@ from vispeg.identify.fit import Fit
 from vispeg.worlds.world import World
 
 
-def remove_unneeded(search: ContactSearching, state: State, n_fixed: int) -> bool:
+def remove_unneeded(search: ContactSearching, state: State) -> bool:
     """Remove the effect that is needed least once the others are refitted.
 
     An early effect may imitate a later one. Derivatives cannot show this, because a change of a parameter makes
@@ -31,16 +31,16 @@ def remove_unneeded(search: ContactSearching, state: State, n_fixed: int) -> boo
     Returns:
         False if all are needed, or if there are fewer than two.
     """
-    added = state.world.effects[n_fixed:]
+    added = state.added
     if state.fit is None or len(added) < 2:
         return False
     worlds = [state.world.without(e.effect, e.where) for e in added]
     search.say(f"leaving out {', '.join(e.label for e in added)}")
-    fits = search.reduced(worlds, n_fixed)
+    fits = search.reduced(worlds, state.n_fixed)
     losses = search.judge.losses([f.world for f in fits])
     worse = [float(f.residual @ f.residual - state.residual @ state.residual) for f in fits]
     held = [float((loss - state.loss).sum()) for loss in losses]
-    count = [len([a for a in state.fit.space.axes if a.index == n_fixed + k]) for k in range(len(added))]
+    count = [len([a for a in state.fit.space.axes if a.index == state.n_fixed + k]) for k in range(len(added))]
     cost = state.fit.cost, search.judge.mean(state.loss)
     weak = [
         k
@@ -83,13 +83,13 @@ def too_small(placed: EffectInstance, least: Mapping[tuple[str, str], Mapping[st
     return bool(under) and all(under)
 
 
-def remove_uncertain(search: ContactSearching, state: State, n_fixed: int) -> bool:
+def remove_uncertain(search: ContactSearching, state: State) -> bool:
     """Remove an effect whose intervals include null or that is below its minimum detectable size; else return False.
 
     Acceptance is based on the best value only, while the interval covers all plausible values. An effect below its
     minimum detectable size may only imitate the error of an inexact contact law (`form`).
     """
-    added = state.world.effects[n_fixed:]
+    added = state.added
     gone = next((e for e in reversed(added) if may_be_absent(e) or too_small(e, search.least)), None)
     if gone is None:
         return False
@@ -97,10 +97,10 @@ def remove_uncertain(search: ContactSearching, state: State, n_fixed: int) -> bo
     search.say(f"{gone.label} {'is smaller than these recordings can show' if small else 'may be absent'}")
     world = state.world.without(gone.effect, gone.where)
     if len(added) > 1:
-        (fit,) = search.reduced([world], n_fixed)  # the same fit as in `remove_unneeded`
+        (fit,) = search.reduced([world], state.n_fixed)  # the same fit as in `remove_unneeded`
         search.remove(state, fit, search.judge.losses([fit.world])[0])
         return True
-    before = search.start(world, n_fixed)
+    before = search.start(world, state.n_fixed)
     state.world, state.loss, state.residual = before.world, before.loss, before.residual
     state.fit, state.cross = before.fit, before.cross
     near = ", allowing for the arm's repeatability" if effect(gone.effect).posed else ""

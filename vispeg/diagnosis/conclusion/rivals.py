@@ -1,7 +1,7 @@
 """Find the rivals of accepted effects: other effects in their place, fitted and judged on the same recordings.
 
 Rivals that explain the held-out data as well are the effect's equals; then the recordings cannot tell which is true.
-The accepted effects of a world are those after the first `n_fixed`.
+The accepted effects are `State.added`.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ from vispeg.worlds.places import ALL
 AT_ONCE = 2**30  # bytes of derivatives that concurrent fits may hold
 
 
-def replaced(search: Searching, state: State, n_fixed: int) -> bool:
+def replaced(search: Searching, state: State) -> bool:
     """Replace an effect by a clearly better or likelier rival; return whether it was. What was replaced stays out.
 
     The rivals of all accepted effects are left in the state.
     """
-    state.rivals = find_rivals(search, state, n_fixed, search.say)
+    state.rivals = find_rivals(search, state, search.say)
     better = [(t, r) for r in state.rivals for t in r.equals if _better(search, state, t, r.label)]
-    if not better or len(state.world.effects) - n_fixed < 2:
+    if not better or len(state.added) < 2:
         return False
     trial, rival = min(better, key=lambda at: float(at[0].loss.sum()))
     search.say(f"{trial.score.label} replaces {rival.label}")
-    _put_in(search, state, trial, rival.label, n_fixed)
+    _put_in(search, state, trial, rival.label)
     state.replaced |= {rival.label}
     return True
 
 
-def _put_in(search: Searching, state: State, rival: Trial, label: str, n_fixed: int) -> None:
+def _put_in(search: Searching, state: State, rival: Trial, label: str) -> None:
     """Put a rival in the place of the effect `label`, and remove the effects that it makes superfluous.
 
     The gain of this step is over the model with that effect; the rival's own is over the model without it.
@@ -53,8 +53,8 @@ def _put_in(search: Searching, state: State, rival: Trial, label: str, n_fixed: 
     (accepted,) = [e for e in state.world.effects if e.label == label]
     gain = search.judge.gain(state.loss, rival.loss)
     step = replace(rival, score=replace(rival.score, out=(accepted,)), gain=gain, rejected="")
-    search.take(state, step, [step], n_fixed)
-    prune(search, state, n_fixed)
+    search.take(state, step, [step])
+    prune(search, state)
 
 
 def _better(search: Searching, state: State, rival: Trial, label: str) -> bool:
@@ -69,18 +69,18 @@ def _better(search: Searching, state: State, rival: Trial, label: str) -> bool:
     return search.judge.gain(state.loss, rival.loss).relative >= least
 
 
-def find_rivals(search: Searching, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
+def find_rivals(search: Searching, state: State, say: Callable[[str], None]) -> list[Rivals]:
     """Find the rivals of every accepted effect of joints, as `rivals_of_each`; of many the linear model proposes them.
 
     Up to `rivals_full` effects, the whole library is screened for each.
     """
-    few = len(state.world.effects) - n_fixed <= RULES.rivals_full
-    return (rivals_of_each if few else _proposed)(search, state, n_fixed, say)
+    few = len(state.added) <= RULES.rivals_full
+    return (rivals_of_each if few else _proposed)(search, state, say)
 
 
-def rivals_of_each(search: Fitting, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
+def rivals_of_each(search: Fitting, state: State, say: Callable[[str], None]) -> list[Rivals]:
     """Find the rivals of every accepted effect, with all other effects kept and refitted, by screening the library."""
-    chosen, alike = state.world.effects[n_fixed:], search.evidence.alike
+    chosen, alike = state.added, search.evidence.alike
     out = []
     for placed in chosen:
         step = _tried(search, state, placed, len(chosen))
@@ -89,9 +89,9 @@ def rivals_of_each(search: Fitting, state: State, n_fixed: int, say: Callable[[s
             out.append(compared(search.judge, state, placed.label, step[1], without, alike))
             continue
         say(f"looking for rivals of {placed.label}")
-        (reduced,) = _without(search, state, [placed], n_fixed)
+        (reduced,) = _without(search, state, [placed])
         scores, tested = search.instead(reduced, placed)
-        trials = search.try_all(reduced, scores, n_fixed, tested, _goal(search, state)) if scores else []
+        trials = search.try_all(reduced, scores, tested, _goal(search, state)) if scores else []
         out.append(compared(search.judge, state, placed.label, trials, search.judge.mean(reduced.loss), alike))
     return out
 
@@ -117,7 +117,7 @@ def _goal(search: Fitting, state: State) -> float | None:
     return Race().far_behind(search.evidence.chi2(state.residual))
 
 
-def _proposed(search: Searching, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
+def _proposed(search: Searching, state: State, say: Callable[[str], None]) -> list[Rivals]:
     """Return the rivals of each of many effects: those that the linear model proposes, fitted and judged in batches.
 
     At places where the linear model cannot judge (`_beyond`), the library is screened as well.
@@ -125,7 +125,7 @@ def _proposed(search: Searching, state: State, n_fixed: int, say: Callable[[str]
     say("screening for rivals of each effect")
     asked = {e.label: e.rivals for e in search.exchanges(state) if e.rivals}
     beyond, alike = _beyond(search, state), search.evidence.alike
-    placed = [e for e in state.world.effects[n_fixed:] if e.label in asked or e.where in beyond]
+    placed = [e for e in state.added if e.label in asked or e.where in beyond]
     size = (  # bytes of derivatives per effect
         8 * state.residual.size * (1 + len(state.world.effects)) * (1 + 2 * (RULES.name_class + RULES.fitted))
     )
@@ -133,17 +133,17 @@ def _proposed(search: Searching, state: State, n_fixed: int, say: Callable[[str]
     for start in range(0, len(placed), batch):
         part = placed[start : start + batch]
         say(f"looking for rivals of {', '.join(e.label for e in part)}")
-        reduced = _without(search, state, part, n_fixed)
+        reduced = _without(search, state, part)
         tries = []
         for e, without in zip(part, reduced, strict=True):
             proposed = [Score(r, 0.0) for r in asked.get(e.label, ())]
             screened, tested = search.instead(without, e) if e.where in beyond else ([], 0)
             scores = {s.key: s for s in (*screened, *proposed)}
             tries.append((without, list(scores.values()), max(tested, len(proposed))))
-        found = try_each(search, tries, n_fixed, _goal(search, state))
+        found = try_each(search, tries, state.n_fixed, _goal(search, state))
         for e, without, trials in zip(part, reduced, found, strict=True):
             by_label[e.label] = compared(search.judge, state, e.label, trials, search.judge.mean(without.loss), alike)
-    return [by_label.get(e.label, Rivals(e.label, (), ())) for e in state.world.effects[n_fixed:]]
+    return [by_label.get(e.label, Rivals(e.label, (), ())) for e in state.added]
 
 
 def _beyond(search: Searching, state: State) -> set[str]:
@@ -159,19 +159,19 @@ def _beyond(search: Searching, state: State) -> set[str]:
     return {ALL, search.evidence.items[0].robot.joints[worst]}
 
 
-def _without(search: Fitting, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> list[State]:
+def _without(search: Fitting, state: State, gone: Sequence[EffectInstance]) -> list[State]:
     """Return for each of these effects the state without it, the others refitted with their previous derivatives."""
     worlds = [state.world.without(e.effect, e.where) for e in gone]
     fits: list[Fit | None] = [None] * len(gone)
-    if gone and len(worlds[0].effects) > n_fixed and state.fit is not None:
-        fits = [*search.reduced(worlds, n_fixed, [state.derivatives([e]) for e in gone])]
+    if gone and len(worlds[0].effects) > state.n_fixed and state.fit is not None:
+        fits = [*search.reduced(worlds, state.n_fixed, [state.derivatives([e]) for e in gone])]
     worlds = [world if fit is None else fit.world for world, fit in zip(worlds, fits, strict=True)]
     bare = search.evidence.residuals(worlds) if None in fits else []
     out = []
     for k, (world, fit, loss) in enumerate(zip(worlds, fits, search.judge.losses(worlds), strict=True)):
         residual = bare[k] if fit is None else fit.residual
         cross = search.cross.loss_of(fit, residual)
-        out.append(State(world, loss, residual, fit, state.first, state.steps, cross=cross))
+        out.append(State(world, loss, residual, state.n_fixed, fit, state.first, state.steps, cross=cross))
     return out
 
 

@@ -23,17 +23,17 @@ OF_TIME = ("camera_delay", "rolling_shutter")  # effects that only motion shows
 class BorderSearch(PictureSearch):
     """A search whose effects other effects cannot replace, and that act the same in both recordings."""
 
-    def ways(self, state: State, n_fixed: int) -> Sequence[Callable[[State, int], bool]]:
+    def ways(self, state: State) -> Sequence[Callable[[State], bool]]:
         """Return the moves of `PictureSearch`, then the replacement of effects by simpler or better ones."""
-        return (*super().ways(state, n_fixed), self._replace)
+        return (*super().ways(state), self._replace)
 
-    def _replace(self, state: State, n_fixed: int) -> bool:
+    def _replace(self, state: State) -> bool:
         """Replace all effects by a simpler one, or one by a better; return whether so. What was replaced stays out."""
-        better, before = self._simpler(state, n_fixed) or self._exchange(state, n_fixed), state.world.effects
+        better, before = self._simpler(state) or self._exchange(state), state.world.effects
         if better is None:
             return False
-        self.take(state, *better, n_fixed)
-        self._prune(state, n_fixed)
+        self.take(state, *better)
+        self._prune(state)
         gone = {e.label for e in before} - {e.label for e in state.world.effects}
         state.replaced |= gone
         return bool(gone)
@@ -46,33 +46,34 @@ class BorderSearch(PictureSearch):
         """Return the least change; it is less for effects of time, which no error of appearance imitates."""
         return RULES.moving_px if placed.effect in OF_TIME else self.least
 
-    def _simpler(self, state: State, n_fixed: int) -> tuple[Trial, list[Trial]] | None:
+    def _simpler(self, state: State) -> tuple[Trial, list[Trial]] | None:
         """Return the trial of one effect alone that fits as well as all added ones, and the trials it was chosen from.
 
         None if there is none. The trials are those of the first step, which each add one effect to the user's model.
         """
         first = state.steps[0][1] if state.steps else []
-        trials = [t for t in first if len(t.fit.world.effects) == n_fixed + 1]  # none beside effects that are refitted
-        if len(state.world.effects) - n_fixed < 2 or not trials:
+        # none beside effects that are refitted
+        trials = [t for t in first if len(t.fit.world.effects) == state.n_fixed + 1]
+        if len(state.added) < 2 or not trials:
             return None
-        base = replace(state.world, effects=state.world.effects[:n_fixed])
+        base = replace(state.world, effects=state.world.effects[: state.n_fixed])
         alone = [t for t in trials if not t.rejected and present(t.fit, -1) and equal(self.judge, t.loss, state.loss)]
         alone = [t for t in alone if t.score.placed.label not in state.replaced]
-        alone = [t for t in alone if not self.doubt(t.score.placed, t.fit.world, base, n_fixed)]
+        alone = [t for t in alone if not self.doubt(t.score.placed, t.fit.world, base, state.n_fixed)]
         alone.sort(key=lambda t: (parameters(t.fit.world), float(t.loss.sum())))
         return (alone[0], trials) if alone else None
 
-    def _exchange(self, state: State, n_fixed: int) -> tuple[Trial, list[Trial]] | None:
+    def _exchange(self, state: State) -> tuple[Trial, list[Trial]] | None:
         """Return the best trial that replaces one effect by another, and the trials it was chosen from.
 
         Everything else is refitted. None if no replacement removes a share `exchange` of the held-out error.
         """
-        added = [e for e in state.world.effects[n_fixed:] if e.label not in state.replaced]
+        added = [e for e in state.added if e.label not in state.replaced]
         least, replacement = (1.0 - RULES.exchange) * float(state.loss.sum()), None
-        for placed in added if len(state.world.effects) - n_fixed > 1 else ():
-            reduced = self._without(state, placed, n_fixed)
+        for placed in added if len(state.added) > 1 else ():
+            reduced = self._without(state, placed)
             places = [p for p in self.places(reduced.world) if p != (placed.effect, placed.where)]
-            trials = self.questioned(reduced, self.step(reduced, n_fixed, places), n_fixed)
+            trials = self.questioned(reduced, self.step(reduced, places))
             trials = [t for t in trials if t.score.placed.label not in state.replaced]
             if trials and not trials[0].rejected and float(trials[0].loss.sum()) < least:
                 least, replacement = float(trials[0].loss.sum()), (trials[0], trials)

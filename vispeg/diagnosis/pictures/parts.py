@@ -28,7 +28,7 @@ from vispeg.worlds.world import World
 Parts = tuple[tuple[str, ...], ...]
 
 
-def in_parts(search: PictureSearch, state: State, n_fixed: int) -> tuple[State, tuple[str, ...]]:
+def in_parts(search: PictureSearch, state: State) -> tuple[State, tuple[str, ...]]:
     """Return the state with every found effect reduced to the fewest parts that the pictures need.
 
     An effect that is a part of a wider one, as `depth_scale` is of `depth_bias`, is replaced by it if another part is
@@ -43,7 +43,7 @@ def in_parts(search: PictureSearch, state: State, n_fixed: int) -> tuple[State, 
         The state, and a message for every effect with competing sets of parts.
     """
     messages = []
-    for here in range(n_fixed, len(state.world.effects)):
+    for here in range(state.n_fixed, len(state.world.effects)):
         placed = state.world.effects[here]
         kind = effect(placed.effect)
         assert isinstance(kind, CameraEffect)
@@ -53,7 +53,7 @@ def in_parts(search: PictureSearch, state: State, n_fixed: int) -> tuple[State, 
             continue
         full = state
         if wide is not kind:
-            full = _fitted(search, state, _put(state.world, here, EffectInstance.of(wide.name, placed.where)), n_fixed)
+            full = _fitted(search, state, _put(state.world, here, EffectInstance.of(wide.name, placed.where)))
         assert full.fit is not None
         chosen, *others = smallest(full.fit, here, wide.parts)
         if others:
@@ -66,7 +66,7 @@ def in_parts(search: PictureSearch, state: State, n_fixed: int) -> tuple[State, 
             state = full
             continue
         reduced = full.world.effects[here].with_values(**{k: wide.params[k].null for k in absent})
-        state = _fitted(search, state, _put(full.world, here, reduced), n_fixed, [(wide.name, k) for k in absent])
+        state = _fitted(search, state, _put(full.world, here, reduced), [(wide.name, k) for k in absent])
     return state, tuple(messages)
 
 
@@ -74,17 +74,15 @@ def _put(world: World, index: int, placed: EffectInstance) -> World:
     return replace(world, effects=(*world.effects[:index], placed, *world.effects[index + 1 :]))
 
 
-def _fitted(
-    search: PictureSearch, state: State, world: World, n_fixed: int, held: Sequence[tuple[str, str]] = ()
-) -> State:
+def _fitted(search: PictureSearch, state: State, world: World, held: Sequence[tuple[str, str]] = ()) -> State:
     """Return the state of another world, fitted with some effect parameters held, and with confirmed intervals."""
     search = copy(search)
     assert isinstance(search.evidence, SensorEvidence) and isinstance(search.judged, SensorEvidence)
     search.evidence, search.judged = search.evidence.holding(held), search.judged.holding(held)
-    (fit,) = search.fits([world], n_fixed)
+    (fit,) = search.fits([world], state.n_fixed)
     loss = search.judge.losses([fit.world])[0]
     fitted = replace(state, world=fit.world, fit=fit, loss=loss, residual=fit.residual, last=[])
-    return confirmed(search, fitted, n_fixed)
+    return confirmed(search, fitted)
 
 
 def smallest(fit: Fit, index: int, parts: Parts) -> list[Parts]:

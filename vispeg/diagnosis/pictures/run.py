@@ -83,12 +83,12 @@ def diagnose_pictures(
     state = search.run(world, n_fixed)
     if any(e.effect not in (*FREED, *borders[0].freed) for e in state.world.effects[n_fixed:]):
         borders = border_evidence(scene, mine, theirs, state.world, recall=progress.recall)
-        search, state = _seen_anew(search, state, borders, n_fixed)
+        search, state = _seen_anew(search, state, borders)
     evidence, judged = search.evidence, search.judged
     assert isinstance(evidence, BorderEvidence) and isinstance(judged, BorderEvidence)
-    rivals = search.rivals(state, n_fixed)
+    rivals = search.rivals(state)
     halves = compare_halves(search, (evidence, judged), state.world, n_fixed)
-    state = confirmed(search, state, n_fixed)
+    state = confirmed(search, state)
     cameras = list({s.camera.name: s.camera for s in (*mine, *theirs)}.values())
     say("looking for what is left")
     with Predictor(scene, cameras) as predictor:
@@ -137,7 +137,7 @@ def diagnose_pictures(
         "channels": [_channel(judged, before, after), *(s.channel for s in sensed)],
         "next_experiment": _next(rivals),
         "candidates": [
-            c for x in (state, *(s.state for s in sensed)) for c in candidates(x, rivals if x is state else (), n_fixed)
+            c for x in (state, *(s.state for s in sensed)) for c in candidates(x, rivals if x is state else ())
         ],
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],
@@ -184,7 +184,7 @@ def _lost(wide: Sequence[tuple[Sight, Points]]) -> float:
 
 
 def _seen_anew(
-    search: BorderSearch, state: State, evidence: tuple[BorderEvidence, BorderEvidence], n_fixed: int
+    search: BorderSearch, state: State, evidence: tuple[BorderEvidence, BorderEvidence]
 ) -> tuple[BorderSearch, State]:
     """Repeat edge matching with the effects found so far; return the search and the state on the new edges.
 
@@ -192,7 +192,7 @@ def _seen_anew(
     for outliers.
     """
     anew = BorderSearch(*evidence, search.say, search.progress)
-    (fit,) = anew.fits([state.world], n_fixed)
+    (fit,) = anew.fits([state.world], state.n_fixed)
     state.take(fit, anew.judge.losses([fit.world])[0])
     return anew, replace(state, last=[])
 

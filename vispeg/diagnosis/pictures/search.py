@@ -41,17 +41,17 @@ class PictureSearch(PlainSearch):
         cameras = dict.fromkeys(i.sight.camera.name for i in self.evidence.items)
         return [*cameras] if kind.family in OPTICAL else kind.targets(self.evidence.scene)
 
-    def offers(self, state: State, n_fixed: int) -> list[Trial]:
+    def offers(self, state: State) -> list[Trial]:
         """Return the trials of `step`, doubted ones after the first that is not."""
-        trials = self.questioned(state, self.step(state, n_fixed), n_fixed)
+        trials = self.questioned(state, self.step(state))
         state.screening = [t.score for t in trials]
         return trials
 
-    def questioned(self, state: State, trials: list[Trial], n_fixed: int) -> list[Trial]:
+    def questioned(self, state: State, trials: list[Trial]) -> list[Trial]:
         """Question the trials in order; those found doubtful are moved behind the first that is not."""
         doubted = []
         for t in trials:
-            why = t.rejected or self.doubt(t.score.placed, t.fit.world, state.world, n_fixed)
+            why = t.rejected or self.doubt(t.score.placed, t.fit.world, state.world, state.n_fixed)
             if not why:
                 break
             doubted.append(replace(t, rejected=why))
@@ -70,10 +70,10 @@ class PictureSearch(PlainSearch):
         changed = self.judged.change(world, without)
         return self.least_of(placed) / changed if changed > 0 else np.inf
 
-    def step(self, state: State, n_fixed: int, places: Sequence[tuple[str, str]] | None = None) -> list[Trial]:
+    def step(self, state: State, places: Sequence[tuple[str, str]] | None = None) -> list[Trial]:
         """Fit and judge as `PlainSearch` does, but every place, as predicting images is fast."""
         places = self.places(state.world) if places is None else list(places)
-        return self.try_all(state, [Score(self._start(*at), 0.0) for at in places], n_fixed, len(places))
+        return self.try_all(state, [Score(self._start(*at), 0.0) for at in places], len(places))
 
     def small(self, trial: Trial) -> str:
         """Return why an effect is too small, or "": it changes the images by less than an error of appearance does."""
@@ -82,10 +82,10 @@ class PictureSearch(PlainSearch):
             f"changes the pictures by {size:.2f} {self.evidence.changes_in}, under {least:.2f}" if size < least else ""
         )
 
-    def idle(self, placed: EffectInstance, state: State, rest: State, n_fixed: int) -> bool:
+    def idle(self, placed: EffectInstance, state: State, rest: State) -> bool:
         """Return whether an effect is to be removed: it changes the images too little, or is doubted."""
         little = self.shift(state.world, placed) < self.least_of(placed)
-        return little or bool(self.doubt(placed, state.world, rest.world, n_fixed))
+        return little or bool(self.doubt(placed, state.world, rest.world, state.n_fixed))
 
     def shift(self, world: World, placed: EffectInstance) -> float:
         """Return the RMS change of the held-out images due to one effect of a world."""

@@ -209,10 +209,10 @@ def sensor_search(
         if evidence is None or judged is None:
             continue
         say(f"fitting what the sensor does to {kind}")
-        search, n_fixed = SensorSearch(evidence, judged, say, progress), len(world.effects)
+        search = SensorSearch(evidence, judged, say, progress)
         state = search.run(world)
-        rivals = search.rivals(state, n_fixed)
-        state, alike = in_parts(search, confirmed(search, state, n_fixed), n_fixed)
+        rivals = search.rivals(state)
+        state, alike = in_parts(search, confirmed(search, state))
         kept = {e.label for e in state.world.effects}
         rivals = [r for r in rivals if r.label in kept]
         excitations, shows_from = search.excitations(world), search.shows_from(state)

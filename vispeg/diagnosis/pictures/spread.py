@@ -26,11 +26,11 @@ from vispeg.diagnosis.selection.state import State
 from vispeg.identify.fit import Fit
 
 
-def confirmed(search: PictureSearch, state: State, n_fixed: int) -> State:
+def confirmed(search: PictureSearch, state: State) -> State:
     """Return the state with intervals that include the values at which the held-out recordings put its effects."""
-    if state.fit is None or len(state.world.effects) <= n_fixed:
+    if state.fit is None or len(state.world.effects) <= state.n_fixed:
         return state
-    (other,) = search.fits([state.world], n_fixed, search.judged)
+    (other,) = search.fits([state.world], state.n_fixed, search.judged)
     form = np.hypot(of_form(state.fit, search.evidence.common_errors()), taken_over(search, state))
     fit = widened(state.fit, other, len(np.unique(search.evidence.blocks())), form)
     return replace(state, fit=fit, world=fit.world)

@@ -29,15 +29,15 @@ from vispeg.identify.fit import Chase, Race, squares
 from vispeg.worlds.world import World
 
 
-def refined(search: Searching, state: State, n_fixed: int) -> bool:
+def refined(search: Searching, state: State) -> bool:
     """Refine the first simple law whose refinement passes the test; return whether one was refined."""
     excess = search.judge.mean(state.loss) - search.judge.floor(state.world)
-    for simple, kind in laws(search, state.world, n_fixed):
+    for simple, kind in laws(search, state.world, state.n_fixed):
         removed = _removed(search, state, simple)
         if excess < RULES.refinement * removed:
             continue
         starts = _starts(search, state, simple, kind)
-        trial = _fitted(search, state, simple, starts, n_fixed)
+        trial = _fitted(search, state, simple, starts)
         crossed = state.cross, search.cross.loss_of(trial.fit, trial.fit.residual)
         tested = search.judge.gain(state.loss, trial.loss, crossed)
         if (
@@ -51,7 +51,7 @@ def refined(search: Searching, state: State, n_fixed: int) -> bool:
         visible = [e for e in simple if trial.gain.joints[joints.index(e.where)] >= search.evidence.least_gain]
         if visible and len(visible) < len(simple):
             by_joint = {e.where: e for e in trial.fit.world.effects if e.effect == kind.name}
-            trial = _fitted(search, state, visible, [[by_joint[e.where] for e in visible]], n_fixed)
+            trial = _fitted(search, state, visible, [[by_joint[e.where] for e in visible]])
         search.say(f"{trial.score.label} in the place of {simple[0].effect}")
         state.steps.append((trial.bare, [trial.bare]))
         state.take(trial.fit, trial.loss)
@@ -101,15 +101,13 @@ def _starts(search: Searching, state: State, simple: list[EffectInstance], kind:
     return out
 
 
-def _fitted(
-    search: Searching, state: State, simple: list[EffectInstance], starts: list[list[EffectInstance]], n_fixed: int
-) -> Trial:
+def _fitted(search: Searching, state: State, simple: list[EffectInstance], starts: list[list[EffectInstance]]) -> Trial:
     """Fit the refined law in place of the simple one from several starts; return the fit with the least held-out loss.
 
     `simple` are its effects, one for each joint to refine; each start has a refined effect for each of them.
     """
     worlds = [without(state.world, simple).add(*start) for start in starts]
-    fits = search.fits(worlds, n_fixed, races=[Race()] * len(worlds))
+    fits = search.fits(worlds, state.n_fixed, races=[Race()] * len(worlds))
     losses = search.judge.losses([f.world for f in fits])
     k = int(np.argmin([search.judge.mean(loss) for loss in losses]))
     score = Score(starts[k][0], 0.0, tuple(starts[k][1:]), tuple(simple))
@@ -144,7 +142,7 @@ def _first(starts: list[EffectInstance]) -> list[EffectInstance]:
     return [s for of_kind in by_kind for s in of_kind[: RULES.law_fitted]]
 
 
-def grow(search: Searching, state: State, placed: EffectInstance, n_fixed: int) -> None:
+def grow(search: Searching, state: State, placed: EffectInstance) -> None:
     """Replace the effect just added (`placed`) by a richer one if that removes most of the rest.
 
     The added effect may be an alias of it: rotor inertia imitates backlash. A fit of the richer effect from scratch
@@ -161,14 +159,14 @@ def grow(search: Searching, state: State, placed: EffectInstance, n_fixed: int) 
     goal = remains - RULES.decisive * max(remains - 1.0, 0.0)
     chases = [Chase(goal) for _ in starts]
     columns = [state.derivatives([simple])] * len(starts)
-    fits = search.fits([bare.add(s) for s in starts], n_fixed, races=chases, columns=columns)
+    fits = search.fits([bare.add(s) for s in starts], state.n_fixed, races=chases, columns=columns)
     losses = search.judge.losses([f.world for f in fits])
     k = int(np.argmin([search.judge.mean(loss) for loss in losses]))
     crossed = state.cross, search.cross.loss_of(fits[k], fits[k].residual)
     trial = Trial(Score(starts[k], 0.0, out=(simple,)), fits[k], losses[k], search.judge.gain(state.loss, losses[k]))
     if _explains_more(search, state, trial, search.judge.gain(state.loss, losses[k], crossed).z):
         search.say(f"{starts[k].label} replaces {simple.label}, as it explains most of the remaining error")
-        search.take(state, trial, [trial], n_fixed)
+        search.take(state, trial, [trial])
 
 
 def _explains_more(search: Searching, state: State, trial: Trial, crossed: float) -> bool:

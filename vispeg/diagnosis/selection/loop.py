@@ -31,31 +31,31 @@ class Loop(ABC):
         """
 
     @abstractmethod
-    def offers(self, state: State, n_fixed: int) -> list[Trial]:
+    def offers(self, state: State) -> list[Trial]:
         """Return the candidates of a step, fitted and judged; those that pass come first, best first."""
 
     @abstractmethod
-    def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
+    def take(self, state: State, trial: Trial, trials: list[Trial]) -> None:
         """Add the effects of `trial`, one of `trials`, to the state."""
 
-    def settle(self, state: State, trial: Trial, n_fixed: int) -> None:
+    def settle(self, state: State, trial: Trial) -> None:
         """Revise a state after the addition of `trial`; by default not at all.
 
         A search may refine the added effect and remove superfluous ones.
         """
 
-    def bound(self, state: State, n_fixed: int) -> None:
+    def bound(self, state: State) -> None:
         """Compute intervals of the fitted effects; by default not at all, as fits give them."""
 
     def announce(self, state: State) -> None:
         """Report the state of the search before a step."""
 
-    def ways(self, state: State, n_fixed: int) -> Sequence[Callable[[State, int], bool]]:
+    def ways(self, state: State) -> Sequence[Callable[[State], bool]]:
         """Return the moves that the search may try at a state, in the order of preference.
 
-        A move is called with the state and `n_fixed`, may change the state, and returns whether it did.
+        A move is called with the state, may change it, and returns whether it did.
         """
-        return (self.advance,) if self.worth_it(state, n_fixed) else ()
+        return (self.advance,) if self.worth_it(state) else ()
 
     def run(self, world: World, n_fixed: int | None = None) -> State:
         """Return the state at which no further effect passes the test on the held-out recordings.
@@ -64,31 +64,31 @@ class Loop(ABC):
         """
         n_fixed = len(world.effects) if n_fixed is None else n_fixed
         state = self.start(world, n_fixed)
-        self.go_on(state, n_fixed)
+        self.go_on(state)
         return state
 
-    def go_on(self, state: State, n_fixed: int) -> None:
+    def go_on(self, state: State) -> None:
         """Move until no move changes the state."""
-        while self.move(state, n_fixed):
+        while self.move(state):
             pass
 
-    def move(self, state: State, n_fixed: int) -> bool:
+    def move(self, state: State) -> bool:
         """Apply to a state the first move that changes it; return False if none does: the search has ended."""
-        return any(way(state, n_fixed) for way in self.ways(state, n_fixed))
+        return any(way(state) for way in self.ways(state))
 
-    def advance(self, state: State, n_fixed: int) -> bool:
+    def advance(self, state: State) -> bool:
         """Add the best candidate that passes; return False if none does, or if it was removed again."""
         before = state.world.label
         self.announce(state)
-        trials = self.offers(state, n_fixed)
+        trials = self.offers(state)
         best = next((t for t in trials if not t.rejected), None)
         if best is None:
             state.last = trials
             return False
-        self.take(state, best, trials, n_fixed)
-        self.settle(state, best, n_fixed)
+        self.take(state, best, trials)
+        self.settle(state, best)
         return state.world.label != before  # the added effect may have been removed again
 
-    def worth_it(self, state: State, n_fixed: int) -> bool:
+    def worth_it(self, state: State) -> bool:
         """Return whether another effect may be added: fewer were added than the evidence allows."""
-        return len(state.world.effects) - n_fixed < self.evidence.most_effects
+        return len(state.added) < self.evidence.most_effects

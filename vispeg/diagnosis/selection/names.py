@@ -150,21 +150,21 @@ def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: in
     return Exchange(entries[k].placed.label, float(share), tuple(labels), placed)
 
 
-def never_named(state: State, n_fixed: int) -> frozenset[str]:
+def never_named(state: State) -> frozenset[str]:
     """Return the labels of effects after the first `n_fixed` that are never named, however well they fit.
 
     These have a value at its bound, to which a missing effect probably pushes it, are not clearly present (`present`),
     or remove no visible share of the error (`State.slight`).
     """
-    out = {e.label for e in state.world.effects[n_fixed:] if e.label in state.slight}
-    for index, placed in enumerate(state.world.effects[n_fixed:], n_fixed):
+    out = {e.label for e in state.added if e.label in state.slight}
+    for index, placed in enumerate(state.added, state.n_fixed):
         if at_bound(placed) or (state.fit is not None and not present(state.fit, index)):
             out.add(placed.label)
     return frozenset(out)
 
 
 def tentative(
-    state: State, n_fixed: int, exchanged: Sequence[Exchange], rivals: Sequence[Rivals], *, far: bool = False
+    state: State, exchanged: Sequence[Exchange], rivals: Sequence[Rivals], *, far: bool = False
 ) -> frozenset[str]:
     """Return the labels of effects after the first `n_fixed` that must not be named.
 
@@ -183,8 +183,8 @@ def tentative(
     proven = {r.label: {t.score.label for t in r.equals} for r in rivals}
     tried = {r.label: {t.score.label for t in r.tried} for r in rivals}
     by_label = {e.label: e for e in exchanged}
-    out = set(never_named(state, n_fixed))
-    for index, placed in enumerate(state.world.effects[n_fixed:], n_fixed):
+    out = set(never_named(state))
+    for index, placed in enumerate(state.added, state.n_fixed):
         label, exchange = placed.label, by_label.get(placed.label)
         equals = proven.get(label, set())
         unsure = exchange is not None and (

@@ -76,25 +76,25 @@ class PlainSearch(Loop, Shown):
 
     def start(self, world: World, n_fixed: int | None = None) -> State:
         """Return the state at which a search begins; effects of `world` after the first `n_fixed` are refitted."""
-        loss = self.judge.losses([world])[0]
-        state = State(world, loss, self.evidence.residuals([world])[0], first=self.judge.mean(loss))
-        if n_fixed is not None and n_fixed < len(world.effects):
+        loss, n_fixed = self.judge.losses([world])[0], len(world.effects) if n_fixed is None else n_fixed
+        state = State(world, loss, self.evidence.residuals([world])[0], n_fixed, first=self.judge.mean(loss))
+        if state.added:
             (fit,) = self.fits([world], n_fixed)
             state.take(fit, self.judge.losses([fit.world])[0])
             state.opened = fit.world
         return state
 
-    def offers(self, state: State, n_fixed: int) -> list[Trial]:
+    def offers(self, state: State) -> list[Trial]:
         """Return the trials of `step`."""
-        trials = self.step(state, n_fixed)
+        trials = self.step(state)
         state.screening = [t.score for t in trials]
         return trials
 
-    def settle(self, state: State, trial: Trial, n_fixed: int) -> None:
+    def settle(self, state: State, trial: Trial) -> None:
         """Remove effects that the added one made superfluous."""
-        self._prune(state, n_fixed)
+        self._prune(state)
 
-    def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
+    def take(self, state: State, trial: Trial, trials: list[Trial]) -> None:
         """Add the effects of a trial, one of `trials`."""
         self.say(f"{trial.score.label}: {self.judged.errors([trial.fit.world])[0]:.3g} {self.judged.unit} left")
         state.steps.append((trial, trials))
@@ -149,16 +149,16 @@ class PlainSearch(Loop, Shown):
         """Return the number of places that share the significance level of a test."""
         return len(self.places(state.world))
 
-    def step(self, state: State, n_fixed: int, places: Sequence[tuple[str, str]] | None = None) -> list[Trial]:
+    def step(self, state: State, places: Sequence[tuple[str, str]] | None = None) -> list[Trial]:
         """Fit the best of the places' effects beside the accepted ones and judge them; those that pass come first.
 
         Places where an effect cannot lower the fitted error, beyond rounding, do not share the level of the test.
         """
         least = ROUNDING * float(state.residual @ state.residual)
         scores = [s for s in self.scored(state, places) if s.gain > least]
-        return self.try_all(state, scores[: RULES.fitted], n_fixed, len(scores))
+        return self.try_all(state, scores[: RULES.fitted], len(scores))
 
-    def try_all(self, state: State, scores: Sequence[Score], n_fixed: int, tested: int) -> list[Trial]:
+    def try_all(self, state: State, scores: Sequence[Score], tested: int) -> list[Trial]:
         """Fit each score's effect in addition to the accepted ones and judge all; those that pass come first.
 
         `tested` places share the level of the test.
@@ -166,7 +166,7 @@ class PlainSearch(Loop, Shown):
         if not scores:
             return []
         self.say(f"fitting {', '.join(dict.fromkeys(s.label for s in scores))}")
-        fits = self.fits([state.world.add(s.placed) for s in scores], n_fixed)
+        fits = self.fits([state.world.add(s.placed) for s in scores], state.n_fixed)
         losses = self.judge.losses([f.world for f in fits])
         trials = []
         for score, fit, loss in zip(scores, fits, losses, strict=True):
@@ -180,7 +180,7 @@ class PlainSearch(Loop, Shown):
         """Return why a trial's effect is too small to be named; "" if it is not."""
         return ""
 
-    def idle(self, placed: EffectInstance, state: State, rest: State, n_fixed: int) -> bool:
+    def idle(self, placed: EffectInstance, state: State, rest: State) -> bool:
         """Return whether an effect of a state is to be removed for a reason specific to the channel.
 
         `rest` is the state without it.
@@ -206,44 +206,42 @@ class PlainSearch(Loop, Shown):
         """Return the job of a fit of all but the first `n_fixed` effects; `ended` as in `fit_job`."""
         return fit_job(evidence, world, range(n_fixed, len(world.effects)), iterations=12, ended=ended)
 
-    def finish(self, state: State, n_fixed: int) -> World:
+    def finish(self, state: State) -> World:
         """Return the world of a state after its last step, with intervals that include the error of its form."""
         after, floor = self.judge.mean(state.loss), self.judge.floor(state.world)
         wrong = of_form(self.evidence, state.fit, state.first, after, floor)
-        return widened(state.world, range(n_fixed, len(state.world.effects)), wrong)
+        return widened(state.world, range(state.n_fixed, len(state.world.effects)), wrong)
 
-    def rivals(self, state: State, n_fixed: int) -> list[Rivals]:
+    def rivals(self, state: State) -> list[Rivals]:
         """Return for every accepted effect those that held-out recordings cannot tell from it, all others refitted."""
         out = []
-        for placed in state.world.effects[n_fixed:]:
-            reduced = self._without(state, placed, n_fixed)
+        for placed in state.added:
+            reduced = self._without(state, placed)
             places = [p for p in self.places(reduced.world) if p != (placed.effect, placed.where)]
-            trials = self.step(reduced, n_fixed, places)
+            trials = self.step(reduced, places)
             without = self.judge.mean(reduced.loss)
             out.append(compared(self.judge, state, placed.label, trials, without, remaining=False))
         return out
 
-    def _without(self, state: State, placed: EffectInstance, n_fixed: int) -> State:
+    def _without(self, state: State, placed: EffectInstance) -> State:
         """Return the state without an effect, the others refitted."""
         world, fit = state.world.without(placed.effect, placed.where), None
-        if len(world.effects) > n_fixed:
-            (fit,) = self.fits([world], n_fixed)
+        if len(world.effects) > state.n_fixed:
+            (fit,) = self.fits([world], state.n_fixed)
             world = fit.world
         loss = self.judge.losses([world])[0]
         residual = self.evidence.residuals([world])[0]
-        return State(world, loss, residual, fit, state.first, state.steps)
+        return State(world, loss, residual, state.n_fixed, fit, state.first, state.steps)
 
-    def _prune(self, state: State, n_fixed: int) -> None:
+    def _prune(self, state: State) -> None:
         """Remove, one by one, the effects that the others make superfluous."""
-        while len(state.world.effects) - n_fixed > 1:
-            reduced = [(e, self._without(state, e, n_fixed)) for e in state.world.effects[n_fixed:]]
+        while len(state.added) > 1:
+            reduced = [(e, self._without(state, e)) for e in state.added]
             gains = [self.judge.gain(r.loss, state.loss) for _, r in reduced]
             idle = [
                 i
                 for i, ((e, r), g) in enumerate(zip(reduced, gains, strict=True))
-                if g.relative < self.evidence.least_gain
-                or g.z < stats.norm.isf(RULES.level)
-                or self.idle(e, state, r, n_fixed)
+                if g.relative < self.evidence.least_gain or g.z < stats.norm.isf(RULES.level) or self.idle(e, state, r)
             ]
             if not idle:
                 return

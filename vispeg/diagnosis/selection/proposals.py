@@ -158,12 +158,12 @@ class Proposals:
         )
         return Ground(Dictionary(fit.residual, taken, fit), excess(judge, world, fit.residual))
 
-    def changes(self, state: State, n_fixed: int) -> list[Change]:
+    def changes(self, state: State) -> list[Change]:
         """Return effects, after the first `n_fixed`, that vary over time or position; see `evidence.constancy`."""
         if state.fit is None:
             return []
         surplus = excess(self.cross.judge, state.world, state.fit.residual)
-        return changes(self.evidence.items, state.fit, n_fixed, surplus)
+        return changes(self.evidence.items, state.fit, state.n_fixed, surplus)
 
     def signatures(
         self,

@@ -20,17 +20,17 @@ from vispeg.diagnosis.selection.searching import Searching, Testing
 from vispeg.diagnosis.selection.state import State, without
 
 
-def prune(search: Searching, state: State, n_fixed: int) -> None:
+def prune(search: Searching, state: State) -> None:
     """Remove effects that are not needed, the least needed first, and refit the rest; at least one effect stays."""
     together = True
-    while state.fit is not None and len(state.world.effects) - n_fixed > 1:
-        useless = _useless_members(search, state, n_fixed) if together else []
-        dropped = useless or _least_needed(search, state, n_fixed)
+    while state.fit is not None and len(state.added) > 1:
+        useless = _useless_members(search, state) if together else []
+        dropped = useless or _least_needed(search, state)
         if not dropped:
             return
         gone = [state.world.effects[k] for k in dropped]
         world, columns = without(state.world, gone), state.derivatives(gone)
-        (fit,) = search.fits([world], n_fixed, iterations=4, columns=[columns])
+        (fit,) = search.fits([world], state.n_fixed, iterations=4, columns=[columns])
         loss = search.judge.losses([fit.world])[0]
         benefit = search.judge.gain(loss, state.loss)
         # the refit shows more error than was predicted from derivatives: nothing is removed
@@ -46,14 +46,14 @@ def prune(search: Searching, state: State, n_fixed: int) -> None:
         state.slight = frozenset()  # those were of the model before
 
 
-def _useless_members(search: Searching, state: State, n_fixed: int) -> list[int]:
+def _useless_members(search: Searching, state: State) -> list[int]:
     """Return the indices of group members that are useless on the fitted recordings."""
     fit, gone = state.fit, []
     assert fit is not None
     null = null_of(fit)
-    asked = [k for k in range(n_fixed, len(state.world.effects)) if state.grouped(state.world.effects[k])]
+    asked = [k for k in range(state.n_fixed, len(state.world.effects)) if state.grouped(state.world.effects[k])]
     best = search.cross.loss(fit.residual, fit.jacobian)
-    while len(asked) > len(gone) and len(state.world.effects) - n_fixed - len(gone) > 1:
+    while len(asked) > len(gone) and len(state.added) - len(gone) > 1:
         tried = []
         for k in asked:
             if k in gone:
@@ -71,14 +71,14 @@ def _useless_members(search: Searching, state: State, n_fixed: int) -> list[int]
     return gone
 
 
-def _least_needed(search: Searching, state: State, n_fixed: int) -> list[int]:
+def _least_needed(search: Searching, state: State) -> list[int]:
     """Return, as a list, the index of the effect that held-out recordings need least; empty if they need all of them.
 
     `state.slight` becomes the other effects that remove no visible share.
     """
     fit = state.fit
     assert fit is not None
-    null, places = null_of(fit), list(range(n_fixed, len(state.world.effects)))
+    null, places = null_of(fit), list(range(state.n_fixed, len(state.world.effects)))
     worlds, crossed = [], []
     for k in places:
         out = [i for i, a in enumerate(fit.space.axes) if a.index == k]

@@ -57,12 +57,12 @@ class Search(Loop, Shown, Proposals):
         self.say, self.proposed = say, proposed
         self.least_share = RULES.later
 
-    def ways(self, state: State, n_fixed: int) -> Sequence[Callable[[State, int], bool]]:
+    def ways(self, state: State) -> Sequence[Callable[[State], bool]]:
         """Return the moves: adding an effect and revisions, if worth it; then exchanges, and rivals as replacements."""
-        moves = (self.advance, partial(refined, self)) if self.worth_it(state, n_fixed) else ()
+        moves = (self.advance, partial(refined, self)) if self.worth_it(state) else ()
         return (*moves, self._exchange, self._replace)
 
-    def _exchange(self, state: State, n_fixed: int) -> bool:
+    def _exchange(self, state: State) -> bool:
         """Exchange accepted effects for others if both fitted and held-out error fall; return whether they did.
 
         An exchange adds no effect, so errors of the laws' form do not favour it: it is tried wherever more than noise
@@ -75,20 +75,20 @@ class Search(Loop, Shown, Proposals):
             return False
         self.say(f"fitting {score.label} in place of {', '.join(e.label for e in score.out)}")
         world = without(state.world, score.out).add(*score.members)
-        (fit,) = self.fits([world], n_fixed, columns=[state.derivatives(score.out)])
+        (fit,) = self.fits([world], state.n_fixed, columns=[state.derivatives(score.out)])
         loss = self.judge.losses([fit.world])[0]
         gain = self.judge.gain(state.loss, loss)
         fitted = 1.0 - float(fit.residual @ fit.residual) / float(state.residual @ state.residual)
         if min(gain.relative, fitted) < RULES.exchange:
             return False
         trial = Trial(score, fit, loss, gain)
-        self.take(state, trial, [trial], n_fixed)
-        prune(self, state, n_fixed)
+        self.take(state, trial, [trial])
+        prune(self, state)
         return True
 
-    def _replace(self, state: State, n_fixed: int) -> bool:
+    def _replace(self, state: State) -> bool:
         """Replace an effect by a better rival, as `replaced`."""
-        return replaced(self, state, n_fixed)
+        return replaced(self, state)
 
     def start(self, world: World, n_fixed: int | None = None) -> State:
         """Return the state at which a search begins, as `begun`."""
@@ -98,19 +98,19 @@ class Search(Loop, Shown, Proposals):
         """Report the model and its held-out error."""
         self.say(f"{state.world.label}: held-out {floors(self.judge.mean(state.loss))} x noise; screening")
 
-    def settle(self, state: State, trial: Trial, n_fixed: int) -> None:
+    def settle(self, state: State, trial: Trial) -> None:
         """Replace a single effect by a richer one if that is better, then remove superfluous effects."""
         if not trial.score.beside:
-            grow(self, state, trial.score.placed, n_fixed)
-        prune(self, state, n_fixed)
+            grow(self, state, trial.score.placed)
+        prune(self, state)
 
-    def worth_it(self, state: State, n_fixed: int) -> bool:
+    def worth_it(self, state: State) -> bool:
         """Return whether an addition is allowed, and enough error is left above the floor for a candidate to pass."""
         excess = self.judge.mean(state.loss) - self.judge.floor(state.world)
         enough = excess > RULES.at_floor - 1.0 and (state.fit is None or excess > self.least_share * state.scale)
-        return enough and not state.within_noise and super().worth_it(state, n_fixed)
+        return enough and not state.within_noise and super().worth_it(state)
 
-    def offers(self, state: State, n_fixed: int) -> list[Trial]:
+    def offers(self, state: State) -> list[Trial]:
         """Screen the library against the state, fit and judge the best candidates; those that pass come first.
 
         The candidates are tried in this order. A group is one kind of effect that every arm has, in all joints. A
@@ -129,32 +129,32 @@ class Search(Loop, Shown, Proposals):
         missing = self.missing(state.world)
         near, others, common = self.places(state, missing)
         state.screening = []
-        proposed = self._try_proposed(state, n_fixed, len(near)) if state.fit is None else []
+        proposed = self._try_proposed(state, len(near)) if state.fit is None else []
         if passes(proposed):
             common = []
         several = bool(common) or state.fit is not None
-        trials = self.try_places(state, n_fixed, near, missing, len(near), common, several)
+        trials = self.try_places(state, near, missing, len(near), common, several)
         trials = in_order(self.judge, state, trials + proposed) if proposed else trials
         if not passes(trials):
             scores = [] if common else pairs(self, state, missing)[: RULES.fitted]
-            trials = self.try_all(state, scores, n_fixed, len(near)) + trials
+            trials = self.try_all(state, scores, len(near)) + trials
         later = [] if common or passes(proposed) else self._common_groups(state)
         if later and not (
             passes(trials) and (state.fit is not None or self._at_floor(trials[0].fit.world, trials[0].loss))
         ):
-            trials += self.try_places(state, n_fixed, [], missing, len(near), later, not several)
+            trials += self.try_places(state, [], missing, len(near), later, not several)
             trials = in_order(self.judge, state, trials)
         if others and all(t.rejected for t in trials):
-            trials = self.try_places(state, n_fixed, others, missing, len(near) + len(others)) + trials
+            trials = self.try_places(state, others, missing, len(near) + len(others)) + trials
         return trials
 
-    def _try_proposed(self, state: State, n_fixed: int, tested: int) -> list[Trial]:
+    def _try_proposed(self, state: State, tested: int) -> list[Trial]:
         """Fit and judge the set that the torques propose; [] for a single effect, which is a candidate anyway."""
         proposed = self.proposed()
         if len(proposed) < 2:
             return []
         first, *beside = proposed
-        return self.try_all(state, [Score(first, 0.0, tuple(beside))], n_fixed, tested)
+        return self.try_all(state, [Score(first, 0.0, tuple(beside))], tested)
 
     def _at_floor(self, world: World, loss: np.ndarray) -> bool:
         """Return whether the held-out loss of a world is at the noise floor."""
@@ -194,7 +194,6 @@ class Search(Loop, Shown, Proposals):
     def try_places(
         self,
         state: State,
-        n_fixed: int,
         places: Sequence[tuple[str, str]],
         missing: Sequence[MissingTorque],
         tested: int,
@@ -207,7 +206,6 @@ class Search(Loop, Shown, Proposals):
 
         Args:
             state: to which effects are added.
-            n_fixed: number of first effects that are not fitted.
             places, missing, groups, several: as in `screened`.
             tested: number of places that share the level of the test.
         """
@@ -219,12 +217,12 @@ class Search(Loop, Shown, Proposals):
         if not scores or scores[0].gain / self.evidence.count < RULES.promise * need:
             return []
         short = scores[: RULES.fitted]
-        trials = self.try_all(state, short, n_fixed, tested)
+        trials = self.try_all(state, short, tested)
         fitted = {s.placed.where for s in short if not s.beside}
         elsewhere = [s for s in scores if s not in short and s.key[1] not in fitted]
         elsewhere = [s for s in elsewhere if s.gain / self.evidence.count >= RULES.promise * need]
         if elsewhere and all(t.rejected for t in trials):  # confounded candidates at one place may have filled the list
-            trials = trials + self.try_all(state, elsewhere[: RULES.fitted], n_fixed, tested)
+            trials = trials + self.try_all(state, elsewhere[: RULES.fitted], tested)
             trials.sort(key=lambda t: bool(t.rejected))
         return trials
 
@@ -237,11 +235,9 @@ class Search(Loop, Shown, Proposals):
         held, fitted = self.judge.mean(state.loss), float(state.residual @ state.residual) / self.evidence.count
         return max(self.evidence.least_gain * held, self.least_share * state.scale) * min(1.0, fitted / held)
 
-    def try_all(
-        self, state: State, scores: Sequence[Score], n_fixed: int, tested: int, goal: float | None = None
-    ) -> list[Trial]:
+    def try_all(self, state: State, scores: Sequence[Score], tested: int, goal: float | None = None) -> list[Trial]:
         """Fit and judge the candidates of one state, as `tries.try_each`."""
-        return try_each(self, [(state, scores, tested)], n_fixed, goal)[0]
+        return try_each(self, [(state, scores, tested)], state.n_fixed, goal)[0]
 
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
         """Return possible replacements of an effect that `state` lacks, best first, and the number screened."""
@@ -271,12 +267,12 @@ class Search(Loop, Shown, Proposals):
         """Fit worlds that each lack one of the accepted effects."""
         return self.fits(worlds, n_fixed, iterations=5, columns=columns)
 
-    def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
+    def take(self, state: State, trial: Trial, trials: list[Trial]) -> None:
         """Add the effects of a trial, one of `trials`, to the state."""
         state.steps.append((trial.bare, [t.bare for t in trials]))
         fit, loss = trial.fit, trial.loss
         if state.fit is not None or not fit.converged:  # the trial took earlier effects' derivatives as constant
-            (fit,) = self.fits([fit.world], n_fixed, iterations=3 if fit.converged else 8)
+            (fit,) = self.fits([fit.world], state.n_fixed, iterations=3 if fit.converged else 8)
             loss = self.judge.losses([fit.world])[0]
         state.take(fit, loss)
         state.cross = self.cross.loss_of(fit, fit.residual)

@@ -88,9 +88,7 @@ class Fitting(Testing, Protocol):
         """Return the number of places that share the significance level of a test."""
         ...
 
-    def try_all(
-        self, state: State, scores: Sequence[Score], n_fixed: int, tested: int, goal: float | None = None
-    ) -> list[Trial]:
+    def try_all(self, state: State, scores: Sequence[Score], tested: int, goal: float | None = None) -> list[Trial]:
         """Fit candidates added to a state and judge them; those that pass come first.
 
         `tested` places share the level of the test. A fit stops if it cannot reach the mean squared residual `goal`.
@@ -110,7 +108,6 @@ class Fitting(Testing, Protocol):
 
         Args:
             worlds: with start values.
-            n_fixed: number of first effects that are not fitted.
             races: for each world the rule by which its fit stops early; None for no such rule.
             iterations: most points that each fit evaluates, the start included.
             columns: for each world derivatives to its first coordinates that an earlier fit had, to be kept; None for
@@ -136,6 +133,6 @@ class Searching(Fitting, ShareTesting, Protocol):
         """Return for each fitted effect what its removal costs, and what may replace it."""
         ...
 
-    def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
+    def take(self, state: State, trial: Trial, trials: list[Trial]) -> None:
         """Add the effects of `trial`, one of `trials`, to the state."""
         ...

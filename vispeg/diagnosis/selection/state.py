@@ -26,6 +26,7 @@ class State:
         world: the present model; at the start the user's.
         loss: its held-out loss.
         residual: (n,) its whitened residual on the fitted recordings.
+        n_fixed: number of its first effects, which are not fitted and stay.
         fit: of its added effects; None if nothing is fitted yet.
         first: held-out mean squared whitened residual at the start.
         steps: for each step the trial that was accepted, and all trials.
@@ -44,6 +45,7 @@ class State:
     world: World
     loss: np.ndarray
     residual: np.ndarray
+    n_fixed: int
     fit: Fit | None = None
     first: float = 0.0
     steps: list[tuple[Trial, list[Trial]]] = field(default_factory=list)
@@ -56,6 +58,11 @@ class State:
     rivals: Sequence[Rivals] = ()
     replaced: frozenset[str] = frozenset()
     concluded: bool = False
+
+    @property
+    def added(self) -> tuple[EffectInstance, ...]:
+        """The effects that are fitted: all after the first `n_fixed`."""
+        return self.world.effects[self.n_fixed :]
 
     def take(self, fit: Fit, loss: np.ndarray) -> None:
         """Update the state to a fit with its held-out loss."""

@@ -32,11 +32,12 @@ def begun(search: Fitting, world: World, n_fixed: int | None) -> State:
     """
     residual, loss = search.evidence.residuals([world])[0], search.judge.losses([world])[0]
     noise_alone = within_noise(search.judge.evidence, world)
-    state = State(world, loss, residual, first=search.judge.mean(loss), within_noise=noise_alone)
-    if n_fixed is None or n_fixed >= len(world.effects):
+    n_fixed = len(world.effects) if n_fixed is None else n_fixed
+    state = State(world, loss, residual, n_fixed, first=search.judge.mean(loss), within_noise=noise_alone)
+    if not state.added:
         state.cross = search.cross.loss(residual)
         return state
-    search.say(f"fitting {len(world.effects) - n_fixed} partial effects of the model anew")
+    search.say(f"fitting {len(state.added)} partial effects of the model anew")
     # one iteration evaluates the given values, which are kept if the held-out recordings prefer them
     fits = search.fits([world], n_fixed) + search.fits([world], n_fixed, iterations=1)
     losses = search.judge.losses([f.world for f in fits])

@@ -147,13 +147,13 @@ class Study:
                 raise UserError("the model has this effect already", key=key)
         self.tell("say", f"fitting {words(score)}")
         before = self.subject.error(state.world)
-        (trial,) = search.try_all(state, [score], self.n_fixed, search.tested(state))
+        (trial,) = search.try_all(state, [score], search.tested(state))
         self.tell("tried", self._tried(trial, before))
         if trial.rejected and not anyway:
             return
         self._remember()
-        search.take(state, trial, [trial], self.n_fixed)
-        search.bound(state, self.n_fixed)
+        search.take(state, trial, [trial])
+        search.bound(state)
         self._rung(f"+ {words(score)}")
         self._did("fit", spelt(score))
         self.show()
@@ -163,7 +163,7 @@ class Study:
         search, state = self._searching()
         self._remember()
         was, had, before = self.before[-1][0], self._present(), self.subject.error(state.world)
-        moved = search.move(state, self.n_fixed)
+        moved = search.move(state)
         if not moved:
             self.unsearched = self.subject.unsearched(self.world, state.world)
             moved = self._present() != had
@@ -178,7 +178,7 @@ class Study:
             self._did("advance")
             self.show()
         if not moved:
-            near = not search.worth_it(state, self.n_fixed)
+            near = not search.worth_it(state)
             end = "the error is near the sensor noise: nothing more can be named"
             self.tell("say", end if near else "no candidate earns its place on the held-out recordings")
         return moved
@@ -255,7 +255,7 @@ class Study:
             judged=self.judged,
             channels=self.channels,
             channel=self.channel,
-            enough=self.search is not None and state is not None and not self.search.worth_it(state, self.n_fixed),
+            enough=self.search is not None and state is not None and not self.search.worth_it(state),
         )
 
     def _searching(self) -> tuple[Steps, State]:

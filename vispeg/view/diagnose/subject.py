@@ -34,11 +34,11 @@ class Steps(Protocol):
         """Return the state at the start of a search; the world's effects after the first `n_fixed` are fitted again."""
         ...
 
-    def worth_it(self, state: State, n_fixed: int) -> bool:
+    def worth_it(self, state: State) -> bool:
         """Return whether another effect may be added."""
         ...
 
-    def move(self, state: State, n_fixed: int) -> bool:
+    def move(self, state: State) -> bool:
         """Add, exchange or remove effects; return False if nothing improves the state: the search has ended."""
         ...
 
@@ -50,15 +50,15 @@ class Steps(Protocol):
         """Return the number of candidates that share the significance level of a test."""
         ...
 
-    def try_all(self, state: State, scores: Sequence[Score], n_fixed: int, tested: int) -> list[Trial]:
+    def try_all(self, state: State, scores: Sequence[Score], tested: int) -> list[Trial]:
         """Fit candidates and judge each on the held-out recordings."""
         ...
 
-    def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
+    def take(self, state: State, trial: Trial, trials: list[Trial]) -> None:
         """Add the effects of a trial to the state."""
         ...
 
-    def bound(self, state: State, n_fixed: int) -> None:
+    def bound(self, state: State) -> None:
         """Compute the intervals that a search computes only at its end."""
         ...
 
