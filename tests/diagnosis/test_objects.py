@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from resuming import resumed
 
+from vispeg.api.diagnose import diagnose
+from vispeg.api.inputs import load_recording
+from vispeg.core.assets import assets
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.diagnosis.objects import ObjectSearch, _next, contact_numbers, diagnose_object
@@ -176,6 +179,8 @@ def test_what_is_no_object_is_refused(cube, tmp_path):
             load_object(tmp_path / "mixed.xml")
     with pytest.raises(UserError, match="another object"):
         Restarts([replace(tossed(8, 1), name_of="ball")], load_object(cube), 0.04)
+    with pytest.raises(UserError, match="no recording of an object; expected a folder of its tosses; got 'Recording'"):
+        diagnose(cube, [load_recording(assets() / "recordings/rig-a")], tossed(9, 1))
 
 
 @pytest.mark.parametrize(
