@@ -27,6 +27,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.params import Value
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
+from vispeg.diagnosis.conclusion.shares import shares
 from vispeg.diagnosis.findings import Score, Trial
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.judge import Judge
@@ -102,6 +103,17 @@ def test_the_right_model_stands_at_the_floor_and_a_wrong_one_does_not():
         before, after = (float(r @ r) for r in evidence.residuals([World(), World().add(effect_)]))
         floor = right * evidence.count
         assert before - after > wrong and after - floor < 0.3 * (before - floor)
+
+
+def test_what_an_effect_of_contact_explains_is_said_of_each():
+    """As of joints: judged without one of two, the other unchanged; together they explain nearly all of the excess."""
+    judge, world = Judge(evidence_of([recorded((FIXTURE, FRICTION), 1, True)])), World().add(FIXTURE, FRICTION)
+    before, after = (judge.mean(loss) for loss in judge.losses([World(), world]))
+    found = shares(judge, world, 0, before, after, floor=1.0)
+    assert set(found) == {FIXTURE.label, FRICTION.label}
+    for said in found.values():
+        assert said["without"] > 1.0 and 0.02 < said["explains"]
+    assert sum(said["explains"] for said in found.values()) > 0.5
 
 
 def test_what_happens_in_the_arm_does_not_leak_into_contact():

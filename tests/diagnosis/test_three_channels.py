@@ -55,3 +55,5 @@ def test_a_moved_camera_and_a_rough_contact_are_named_each_in_its_channel(tmp_pa
         "pictures": {"camera_offset(wrist_wide)"},
         "contact": {"contact_friction(peg)"},
     }
+    rows = [*record["effects"], *(e for row in record["by_channel"] for e in row["record"]["effects"])]
+    assert len(rows) == 4 and all({"explains", "without"} <= e.keys() for e in rows), "of every channel"
