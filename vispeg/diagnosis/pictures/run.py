@@ -113,8 +113,9 @@ def diagnose_pictures(
         replace(state.world, cell=world.cell), n_fixed, fitted, held_out, before, after, verdict.partial
     )
     for s in sensed:
-        sensor_world = with_origin(s.state.world, n_fixed, fitted, held_out, s.errors[0], s.errors[1], verdict.partial)
-        final = final.add(*sensor_world.effects[n_fixed:])
+        given = len(world.effects)
+        sensor_world = with_origin(s.state.world, given, fitted, held_out, s.errors[0], s.errors[1], verdict.partial)
+        final = final.add(*sensor_world.effects[given:])
     with Predictor(scene, cameras) as predictor:
         drawn = shown_pictures(predictor, theirs, world, final, judged, seed)
     maps = projections(judged.geometry, world, final, state.fit)
