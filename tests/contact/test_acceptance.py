@@ -113,7 +113,7 @@ def test_a_search_that_leaves_an_error_ends():
     (fit,) = searching.fits([World().add(FIXTURE)], 0, iterations=1)
     state.take(fit, searching.judge.losses([fit.world])[0])
     assert searching.judge.mean(state.loss) > RULES.at_floor * searching.judge.floor(state.world)
-    assert any(way(state, 0) for way in searching.ways(state)[1:]), "all but a further addition"
+    assert any(way(state) for way in searching.ways(state)[1:]), "all but a further addition"
     assert state.concluded and not searching.move(state)
 
 
