@@ -94,6 +94,18 @@ def test_an_offset_and_a_focal_error_are_named_and_fitted():
     _check_silent(record)
 
 
+@pytest.mark.slow
+def test_a_partial_effect_is_fitted_anew_and_keeps_its_value_beside_what_the_sensor_does():
+    hidden = EffectInstance.of("camera_offset", WRIST, x=0.009), EffectInstance.of("depth_bias", WRIST, offset=0.005)
+    given = CELL.add(replace(EffectInstance.of("camera_offset", WRIST, x=0.004), partial=True))
+    both = [pictured(3, *hidden)], [pictured(4, *hidden)]
+    found = CHANNELS["pictures"].diagnose(given, both, How())
+    assert [e.effect for e in found.world.effects] == ["camera_offset", "depth_bias"]
+    x = found.world.effects[0].params["x"]
+    assert x.value == pytest.approx(0.009, abs=2e-4) and x.high - x.low < 3e-4
+    assert found.record["effects"][0]["params"]["x"]["value"] == x.value
+
+
 def _check_silent(record):
     """Check that a diagnosis says of the same effects that they were not excited as a look at the motion alone."""
     silent = {(row["effect"], row["where"], *row.get("numbers", ())) for row in record["views"]["not_excited"]}
