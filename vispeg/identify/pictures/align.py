@@ -96,7 +96,7 @@ def _aligned(predictor: Predictor, sights: Sequence[Sight], world: World) -> tup
     start, free = free_world(world, predictor.scene.joints, cameras)
     few = [s.only(np.linspace(0, len(s) - 1, min(SPARSE, len(s))).round().astype(int)) for s in sights]
     best = _settled(predictor, few, start, free, WINDOWS[:2])
-    if best[1] > RULES.lost:
+    if best[1] > RULES.astray:
         near = [_settled(predictor, few, w, free, WINDOWS[:2]) for w in brought_near(predictor, few, start)]
         best = min([best, *near], key=lambda t: t[1])
     return _settled(predictor, sights, best[0], free, WINDOWS[2:])[0].effects
