@@ -88,8 +88,8 @@ class ContactEvidence(Evidence):
 
     @property
     def tied(self) -> float:
-        """Drop of the held-out squared residual within chance: smaller differences do not rank two worlds."""
-        return RULES.contact_correlated * RULES.contact_tied
+        """Drop of the held-out squared residual that a lasting error of form makes: smaller ones do not rank worlds."""
+        return self.lasting * RULES.interval
 
     def stretches(self, blocks: np.ndarray) -> np.ndarray:
         """Return the number of the visit to a phase in which each block of residuals begins, (nblock,).
