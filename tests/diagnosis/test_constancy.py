@@ -79,10 +79,10 @@ def test_friction_that_falls_with_time_is_not_constant_and_its_parts_are_those_o
     (change,) = changes(items, fit, 0, left(fit))
     assert (change.label, change.over) == ("coulomb_friction(shoulder)", "time") and change.share > 0.8
     assert list(change.parts) == sorted(change.parts, reverse=True)
-    quarter = np.repeat(np.minimum(ages(items) // 2.0, RULES.parts - 1), 2)
-    apart = np.column_stack([fit.jacobian[:, 0] * (quarter == s) for s in range(RULES.parts)] + [fit.jacobian[:, 1]])
+    quarter = np.repeat(np.minimum(ages(items) // 2.0, RULES.folds - 1), 2)
+    apart = np.column_stack([fit.jacobian[:, 0] * (quarter == s) for s in range(RULES.folds)] + [fit.jacobian[:, 1]])
     moved = np.linalg.lstsq(apart, -fit.residual, rcond=None)[0]
-    assert change.parts == pytest.approx(1.0 + moved[: RULES.parts] / fit.u[0], rel=1e-4)
+    assert change.parts == pytest.approx(1.0 + moved[: RULES.folds] / fit.u[0], rel=1e-4)
     here = slice(None, None, 2)  # what it removes in the other joint does not count
     drop = np.sum(fit.residual[here] ** 2) - np.sum((fit.residual + apart @ moved)[here] ** 2)
     assert change.share == pytest.approx(drop / left(fit)["shoulder"], rel=1e-4)
@@ -92,7 +92,7 @@ def test_friction_that_falls_with_time_is_not_constant_and_its_parts_are_those_o
 
 def test_the_parts_of_episodes_are_those_of_any_clock(items):
     """Four episodes of 2 s are a quarter each, whether the clock restarts with each or runs on."""
-    number = np.repeat(np.arange(RULES.parts), ROWS // RULES.parts)
+    number = np.repeat(np.arange(RULES.folds), ROWS // RULES.folds)
     first = items[0].recording
     running = replace(first, episode=number)
     restarted = replace(running, time=first.time - 2.0 * number)

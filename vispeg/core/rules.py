@@ -307,7 +307,8 @@ class Compared:
         case="their gains correlate by 0.79, 0.55, 0.28 and 0.33 for blocks of 0.05, 0.1, 0.25 and 0.5 s (medians of "
         "25 arms)")
     folds: int = _rule(4, "joints", "b805ac3c",
-        "Parts of the only fitted recording that predict one another.",
+        "Parts of the only fitted recording that predict one another; and of time or range, over which an effect must "
+        "be constant.",
         reason="from four on the number hardly matters",
         case="in 2, 3, 4, 8 and 16 parts ten parameters leave 5.2, 3.8, 3.7, 3.8 and 3.7 noise variances; up to three "
         "parameters of five other recordings 0.08 more or less at most")
@@ -543,8 +544,6 @@ class Named:
         "Least rise above the fit's residual at the ends of an interval, as a share of the full rise, where the "
         "profile falls below that residual.",
         case="intervals without a width")
-    parts: int = _rule(4, "joints", "858007e9",
-        "Parts of time or range over which an effect must be constant.")
     parts_remove: float = _rule(0.3, "joints", "858007e9",
         "Share of a joint's remaining error that a value for each part removes, from which an effect is not constant.",
         case="friction that falls while a gear warms up, or sits at one angle alone")

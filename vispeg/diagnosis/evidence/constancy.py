@@ -98,13 +98,13 @@ def _times(items: Sequence[Item]) -> np.ndarray:
     out = np.zeros(len(recording), int)
     for same in np.unique(recording):
         rows = np.flatnonzero(recording == same)
-        out[rows] = RULES.parts * np.arange(len(rows)) // len(rows)
+        out[rows] = RULES.folds * np.arange(len(rows)) // len(rows)
     return out
 
 
 def _quarters(values: np.ndarray) -> np.ndarray:
     """Return the quartile (0 to 3) of each of `values`; 3 for NaN."""
-    return np.digitize(values, np.nanquantile(values, np.arange(1, RULES.parts) / RULES.parts))
+    return np.digitize(values, np.nanquantile(values, np.arange(1, RULES.folds) / RULES.folds))
 
 
 def _entries(items: Sequence[Item], values: np.ndarray) -> np.ndarray:
@@ -124,7 +124,7 @@ def _moments(fit: Fit, part: np.ndarray, where: np.ndarray | None = None) -> tup
 
     `part` (n,) is the part of each entry of the residual; `where` (n,) selects entries, None all.
     """
-    rows = [part == s if where is None else where & (part == s) for s in range(RULES.parts)]
+    rows = [part == s if where is None else where & (part == s) for s in range(RULES.folds)]
     return (
         np.stack([fit.jacobian[r].T @ fit.jacobian[r] for r in rows]),
         np.stack([fit.jacobian[r].T @ fit.residual[r] for r in rows]),
@@ -150,17 +150,17 @@ def _apart(
     p, k = gram.shape[1], len(free)
     common = [i for i in range(p) if i not in free]
     r = len(common)
-    matrix, right = np.zeros((r + RULES.parts * k, r + RULES.parts * k)), np.zeros(r + RULES.parts * k)
+    matrix, right = np.zeros((r + RULES.folds * k, r + RULES.folds * k)), np.zeros(r + RULES.folds * k)
     matrix[:r, :r], right[:r] = gram.sum(axis=0)[np.ix_(common, common)], slope.sum(axis=0)[common]
-    for s in range(RULES.parts):
+    for s in range(RULES.folds):
         at = slice(r + s * k, r + (s + 1) * k)
         matrix[at, at], right[at] = gram[s][np.ix_(free, free)], slope[s][free]
         matrix[at, :r] = gram[s][np.ix_(free, common)]
         matrix[:r, at] = matrix[at, :r].T
     once, x = _solved(gram.sum(axis=0), slope.sum(axis=0)), _solved(matrix, right)
-    apart = np.zeros((RULES.parts, p))
-    apart[:, common], apart[:, free] = x[:r], x[r:].reshape(RULES.parts, k)
-    return _squares(here, np.tile(once, (RULES.parts, 1))) - _squares(here, apart), x[r::k]
+    apart = np.zeros((RULES.folds, p))
+    apart[:, common], apart[:, free] = x[:r], x[r:].reshape(RULES.folds, k)
+    return _squares(here, np.tile(once, (RULES.folds, 1))) - _squares(here, apart), x[r::k]
 
 
 def _squares(moments: tuple[np.ndarray, np.ndarray], x: np.ndarray) -> float:
