@@ -248,6 +248,10 @@ class Compared:
     edge_shift_here: float = _rule(0.05, "pictures", "fbb7d3b1",
         "The same of two parts in one picture.",
         case="the same")
+    edge_place: float = _rule(0.02, "pictures", "4b61a492",
+        "Length (m) on a part over which the shading shifts an edge alike in all frames.",
+        case="a camera 20 mm off: without it x is 20.06 [20.01, 20.12] mm and 0.124 px are left, with it 19.99 [19.93, "
+        "20.05] and 0.095")
     thing_known: tuple[float, float] = _rule((1e-3, 5e-3), "pictures", "367f443f",
         "Accuracy (m, rad) to which fixture and grip are known.",
         reason="taught with an arm that errs by 1 mm (`posture_frame`), by two points 0.2 m apart")

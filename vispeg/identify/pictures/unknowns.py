@@ -24,7 +24,8 @@ def _edges(p: Points, scale: np.ndarray, away: np.ndarray) -> list[np.ndarray]:
     """
     facing = np.round(np.arctan2(p.normal[:, 1], p.normal[:, 0]) / (np.pi / 2)).astype(int) % 4
     one_way, out = np.column_stack([p.parts, facing]), []
-    for labels in (facing[:, None], p.parts, one_way):
+    place = np.column_stack([p.body, facing, np.floor(p.local / RULES.edge_place).astype(int)])
+    for labels in (facing[:, None], p.parts, one_way, place):
         for rows in _alike(labels):
             remainder = abs(scale[rows] @ away[rows]) / max(scale[rows] @ scale[rows], 1e-9)
             out.append(rows * max(RULES.edge_shift, remainder) * scale)
