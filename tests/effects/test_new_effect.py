@@ -19,6 +19,7 @@ from vispeg.identify.fit import fit_job
 from vispeg.identify.inverse import TorqueEvidence
 from vispeg.identify.pool import run_together
 from vispeg.identify.record import centre_of, controller, record
+from vispeg.recordings.importers.mapping import ColumnMap
 from vispeg.recordings.importers.table import import_table
 from vispeg.recordings.load import load as load_recording
 from vispeg.recordings.noise import NOISE
@@ -122,7 +123,7 @@ def test_the_clock_begins_with_the_recording_whatever_its_times_count_from(creep
     folder = write(replace(rec, time=rec.time + begins), tmp_path / "rig")
     stated = {k: v for k, v in read_yaml(folder / "recording.yaml").items() if k in ("control", "noise", "tool")}
     stated["torque_sensor"] = rec.torque_sensor
-    converted = import_table(folder / "samples.csv", rec.robot, ROBOT.joints, **stated)
+    converted = import_table(folder / "samples.csv", rec.robot, ROBOT.joints, ColumnMap(recording=stated))
     for part in (lambda rec: rec, lambda rec: taken(rec, [(150, 725)])):
         for evidence in (Evidence, TorqueEvidence):
             recordings = [part(r) for r in (rec, load_recording(folder), converted)]

@@ -323,7 +323,7 @@ def test_a_byte_order_mark_says_how_the_text_is_encoded(tmp_path, encoding, pack
 def test_a_decimal_comma_is_no_time_of_day(tmp_path, first):
     """ISO 8601 knows `11,5` as half a second past eleven."""
     (tmp_path / "log.csv").write_text(f"time;angle\n0,0;{first}\n0,1;2,25\n")
-    table = read_table(tmp_path / "log.csv", Reading(dialect=dialect_of(tmp_path / "log.csv")))
+    table = read_table(tmp_path / "log.csv", Reading(dialect=dialect_of(tmp_path / "log.csv", ())))
     assert table.number("angle").tolist() == [float(first.replace(",", ".")), 2.25] and not table.dates
 
 
@@ -333,7 +333,7 @@ def test_a_table_in_latin_1_says_how_to_convert_it(tmp_path, packed):
     text, file = "time,Gelenk 1 [°]\n0,1\n0.1,2\n".encode("latin-1"), tmp_path / f"log 1.csv{'.gz' * packed}"
     for data in (text, text.replace(b"\xb0", b"") + b"0.2,\xb0\n"):
         file.write_bytes(gzip.compress(data) if packed else data)
-        for read in (partial(read_table, file, Reading()), partial(dialect_of, file)):
+        for read in (partial(read_table, file, Reading()), partial(dialect_of, file, ())):
             with pytest.raises(UserError, match="is not UTF-8 text.*iconv -f CP1252 -t UTF-8 'log 1.csv"):
                 read()
 

@@ -36,7 +36,7 @@ def opened(chromium, reports):
 def test_the_page_opens_at_the_worst_moment_with_one_cursor_in_all_charts(opened, elbow):
     page = opened("diagnosis")
     shown = page.evaluate(READ)
-    worst = float(re.search(r"at ([\d.]+) s, where", page.locator("[data-traces]").inner_text())[1])
+    worst = float(re.search(r"at ([\d.]+)\ss, where", page.locator("[data-traces]").inner_text())[1])
     assert f", {worst:.2f} s" in shown["at"]
     page.locator("[data-traces]").get_by_role("checkbox", name=elbow).check()
     shown = page.evaluate(READ)

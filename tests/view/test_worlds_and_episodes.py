@@ -204,7 +204,8 @@ def test_the_command_names_the_world_file_only_where_it_is_what_is_shown(place):
         r, slider = page.sliders[0]
         for high in ((r.low + r.high) / 2, (r.low + 2 * r.high) / 3):
             slider.value = (r.low, high)
-            assert not said(page.commands) and "write the world file first" in page.commands.content
+            until(lambda: not said(page.commands))
+            assert "write the world file first" in page.commands.content
             page._save()
             until(lambda: said(page.commands))
             (words,) = said(page.commands)

@@ -21,7 +21,7 @@ from vispeg.contact.path import Path, tips
 from vispeg.effects.common.parts import shapes
 from vispeg.effects.common.solref import times
 from vispeg.effects.contact.contact_stiffness import scaled
-from vispeg.robots.hole import TOUCHED, UNTOUCHED
+from vispeg.robots.furniture import TOUCHED, UNTOUCHED
 from vispeg.robots.scene import Scene
 
 BELOW = 1e-3  # m below the mouth at which a tip that rests on the top may still be measured

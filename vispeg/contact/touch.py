@@ -12,7 +12,7 @@ from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import flange_pose
 from vispeg.task.belief import recorded_cell
 
-HIGHER = 3e-3  # m by which a surface may be higher than it is believed to be, as far as `hole_offset` is tried
+HIGHER = 3e-3  # m by which a surface may be higher than it is believed to be, as far as an offset of the goal is tried
 SENSORS = ("joint", "motor")
 
 

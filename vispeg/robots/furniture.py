@@ -11,8 +11,10 @@ import mujoco
 
 from vispeg.robots.user_shapes import UserThing, add_seen
 
+TOUCHED, UNTOUCHED = 1, 2  # contypes; the parts of a cell collide only with the first
+
 G = mujoco.mjtGeom
-CONTACT = {"contype": 1, "conaffinity": 0}
+CONTACT = {"contype": TOUCHED, "conaffinity": 0}
 BELOW = 2.0  # m below the table, where unused meshes are put: unlike a primitive shape, a mesh cannot be shrunk
 TEXTURE = 128  # px, side of a part's texture
 SHAPES = (G.mjGEOM_BOX, G.mjGEOM_CYLINDER, G.mjGEOM_SPHERE, G.mjGEOM_CAPSULE, G.mjGEOM_ELLIPSOID)

@@ -18,11 +18,12 @@ import math
 import mujoco
 import numpy as np
 
+from vispeg.robots.furniture import TOUCHED, UNTOUCHED
+
 ROUND_ERROR = 2e-5  # m: greatest distance of a corner of a round hole from its circle
 MESH = mujoco.mjtGeom.mjGEOM_MESH
 WALL, PLATE = "hole_wall", "hole_plate"  # names of the wedges and plates, before their numbers
 TOP = "hole_top"  # a box without a hole, cheap in contact; it has no contact until its contype is set to `TOUCHED`
-TOUCHED, UNTOUCHED = 1, 2  # contypes; the parts of a cell collide only with the first
 FLAT = 2e-3  # m: width of the wedges' top around the bevel, so that no wedge is too thin
 FLOOR = 0.02  # m: material below the hole
 CONTACT = {"contype": TOUCHED, "conaffinity": 0, "group": 3, "rgba": (0.2, 0.6, 0.9, 0.4)}  # geoms that are not drawn
