@@ -60,7 +60,8 @@ class Blow:
     def sigma(self) -> np.ndarray:
         """Expected errors (2,) of impulse and flight with a correct model, N s and s."""
         ends = 2 / self.recording.rate_hz  # s: a flight begins and ends between two samples each
-        return np.hypot([self.threshold * ends, ends], RULES.blow_form * self.felt)
+        impulse, flight = RULES.blow_least
+        return np.hypot([impulse, max(flight, ends)], np.array(RULES.blow_form) * self.felt)
 
 
 def restarts(rec: Recording) -> bool:
