@@ -34,7 +34,7 @@ class FoundEffect(Place):
     partial: NotRequired[bool]
     tentative: NotRequired[bool]
     channel: NotRequired[str]
-    was: NotRequired[Mapping[str, Mapping[str, float | None]]]
+    was: NotRequired[Mapping[str, Mapping[str, object]]]
 
 
 class Rung(TypedDict):

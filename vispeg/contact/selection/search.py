@@ -188,7 +188,7 @@ class ContactSearch(Loop):
 
     def try_all(self, state: State, scores: Sequence[Score], tested: int, goal: float | None = None) -> list[Trial]:
         """Fit and judge candidates, as `tries.try_each`."""
-        return try_each(self, [(state, scores, tested)], state.n_fixed, goal)[0]
+        return try_each(self, [(state, scores, tested)], goal)[0]
 
     def offers(self, state: State) -> list[Trial]:
         """Screen the library, fit the best effects and, if none of them reaches the floor, their pairs."""

@@ -140,7 +140,7 @@ def _proposed(search: Searching, state: State, say: Callable[[str], None]) -> li
             screened, tested = search.instead(without, e) if e.where in beyond else ([], 0)
             scores = {s.key: s for s in (*screened, *proposed)}
             tries.append((without, list(scores.values()), max(tested, len(proposed))))
-        found = try_each(search, tries, state.n_fixed, _goal(search, state))
+        found = try_each(search, tries, _goal(search, state))
         for e, without, trials in zip(part, reduced, found, strict=True):
             by_label[e.label] = compared(search.judge, state, e.label, trials, search.judge.mean(without.loss), alike)
     return [by_label.get(e.label, Rivals(e.label, (), ())) for e in state.added]

@@ -37,7 +37,6 @@ def in_parts(search: PictureSearch, state: State) -> tuple[State, tuple[str, ...
     Args:
         search: of a sensor's effects.
         state: final state of the search, with confirmed intervals.
-        n_fixed: number of effects that are not fitted.
 
     Returns:
         The state, and a message for every effect with competing sets of parts.

@@ -151,7 +151,7 @@ def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: in
 
 
 def never_named(state: State) -> frozenset[str]:
-    """Return the labels of effects after the first `n_fixed` that are never named, however well they fit.
+    """Return the labels of added effects that are never named, however well they fit.
 
     These have a value at its bound, to which a missing effect probably pushes it, are not clearly present (`present`),
     or remove no visible share of the error (`State.slight`).
@@ -166,7 +166,7 @@ def never_named(state: State) -> frozenset[str]:
 def tentative(
     state: State, exchanged: Sequence[Exchange], rivals: Sequence[Rivals], *, far: bool = False
 ) -> frozenset[str]:
-    """Return the labels of effects after the first `n_fixed` that must not be named.
+    """Return the labels of added effects that must not be named.
 
     An effect may be named if its removal costs enough (`Exchange.costs`), every candidate that makes it uncertain was
     also fitted in its place, and its values are not strongly correlated with another effect's. If it has equals, it is
@@ -175,7 +175,6 @@ def tentative(
 
     Args:
         state: the last of the search.
-        n_fixed: number of effects that were not fitted.
         exchanged: of the linear model.
         rivals: fitted rivals of the added effects.
         far: whether the model is far from the recordings.

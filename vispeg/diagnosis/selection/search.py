@@ -237,7 +237,7 @@ class Search(Loop, Shown, Proposals):
 
     def try_all(self, state: State, scores: Sequence[Score], tested: int, goal: float | None = None) -> list[Trial]:
         """Fit and judge the candidates of one state, as `tries.try_each`."""
-        return try_each(self, [(state, scores, tested)], state.n_fixed, goal)[0]
+        return try_each(self, [(state, scores, tested)], goal)[0]
 
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
         """Return possible replacements of an effect that `state` lacks, best first, and the number screened."""

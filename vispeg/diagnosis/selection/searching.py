@@ -108,6 +108,7 @@ class Fitting(Testing, Protocol):
 
         Args:
             worlds: with start values.
+            n_fixed: number of first effects that are not fitted.
             races: for each world the rule by which its fit stops early; None for no such rule.
             iterations: most points that each fit evaluates, the start included.
             columns: for each world derivatives to its first coordinates that an earlier fit had, to be kept; None for

@@ -48,14 +48,14 @@ def begun(search: Fitting, world: World, n_fixed: int | None) -> State:
 
 
 def try_each(
-    search: Fitting, tries: Sequence[tuple[State, Sequence[Score], int]], n_fixed: int, goal: float | None = None
+    search: Fitting, tries: Sequence[tuple[State, Sequence[Score], int]], goal: float | None = None
 ) -> list[list[Trial]]:
     """Fit each score's effects jointly with the accepted ones, and judge all on the held-out recordings.
 
-    Each of `tries` is a state, scores, and the number of places that share the level of the test. Of each, the trials
-    that pass come first. All are fitted in one batch, since a rollout of many rows costs little more than one of a few.
-    Those of a state stop when another is far ahead. With a `goal`, a mean squared residual, each stops instead when it
-    cannot reach it.
+    Each of `tries` is a state, scores, and the number of places that share the level of the test; all states have the
+    same fixed effects. Of each, the trials that pass come first. All are fitted in one batch, since a rollout of many
+    rows costs little more than one of a few. Those of a state stop when another is far ahead. With a `goal`, a mean
+    squared residual, each stops instead when it cannot reach it.
     """
     flat = [(state, s) for state, scores, _ in tries for s in scores]
     if not flat:
@@ -66,7 +66,8 @@ def try_each(
     for _, scores, _ in tries:
         shared = Race()
         races += [shared if goal is None else Chase(goal) for _ in scores]
-    fits = search.fits(worlds, n_fixed, races=races, columns=[state.derivatives(s.out) for state, s in flat])
+    columns = [state.derivatives(s.out) for state, s in flat]
+    fits = search.fits(worlds, flat[0][0].n_fixed, races=races, columns=columns)
     trials = []
     for (state, s), f, loss in zip(flat, fits, search.judge.losses([f.world for f in fits]), strict=True):
         crossed = state.cross, search.cross.loss_of(f, f.residual)

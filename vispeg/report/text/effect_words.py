@@ -100,8 +100,7 @@ def sized(row: Mapping[str, Any]) -> str:
 
 def before(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return a changed effect with the values that it had in the baseline (`was`)."""
-    was = row["was"]
-    return {**row, "params": {name: {**p, **was.get(name, {})} for name, p in params_of(row).items()}}
+    return {**row, "params": row["was"]}
 
 
 def unit(text: Any) -> str:
