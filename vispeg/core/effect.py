@@ -47,7 +47,8 @@ class Effect(ABC):
         sizes: parameter -> values that a contact diagnosis tries; if stated, other parameters keep their values.
         beside: parameters that matter only if one with `sizes` differs from its null; they are fitted along with it.
         posed: True if it is the pose of a part. Small errors of the arm's kinematics look like a change of that pose.
-        remembers: True if it leaves a lasting change, so that a part of a recording alone does not show it.
+        remembers: True if it acts beyond a threshold only and leaves a lasting change (a slip). Contact diagnoses
+            then try a larger size after each one with a gain, instead of extrapolating.
         shown_by: motions of contact or of a camera (`vispeg record`) that excite it; empty for any.
         told_from: effects with which it may be confused -> the motion that distinguishes it from each.
         told_by: parameter -> the motion that distinguishes it in place of those of `told_from`, if this parameter is

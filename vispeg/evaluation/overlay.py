@@ -39,7 +39,8 @@ def overlay(
 ) -> WorldFile:
     """Write a world file based on `base`, and load it. Without changes, load the base itself.
 
-    The file's name ends with a hash of its content: worlds whose names differ in signs alone have files of their own.
+    The file's name ends with a hash of its content, as the names of two worlds may differ only in characters that are
+    replaced by `_` in it.
 
     Args:
         base: file or built-in name of the world to change.

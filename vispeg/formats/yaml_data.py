@@ -118,10 +118,10 @@ class _Builder:
             if key in explicit or (key == "<<" and merged):
                 self.line = line
                 raise self.error(f"'{key}' is given twice")
-            if key != "<<" or not event.implicit[0]:
+            if key != "<<" or not event.implicit[0]:  # in quotes or with a tag, `<<` is an ordinary key
                 explicit[key] = value
                 continue
-            for other in reversed(value if isinstance(value, list) else [value]):
+            for other in reversed(value if isinstance(value, list) else [value]):  # the first has precedence
                 if not isinstance(other, dict):
                     raise self.error("'<<' merges mappings only")
                 merged |= other

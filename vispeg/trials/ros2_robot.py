@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.recordings import load_cell
 from vispeg.recordings.cell import WrenchSensor
-from vispeg.recordings.load_cell import wrench
 from vispeg.render.cameras.camera import Camera, rotation
 from vispeg.render.image_kinds import MODES, RGB, camera_of, kind_of
 from vispeg.task.interface import interface_in
@@ -43,7 +43,8 @@ class Ros2Node:
     """
 
     def __init__(self, robot: SimulatedRobot, mode: str, topics: Topics):
-        self.robot, self.topics, self.sensor = robot, topics, wrench(topics.wrench) or WrenchSensor()
+        self.robot, self.topics = robot, topics
+        self.sensor = load_cell.wrench(topics.wrench) or WrenchSensor()
         self.interface = interface_in(robot.config, robot.env.file, mode, modality=mode)
         self.eyes = {camera_of(key): seen.eye for key, seen in self.interface.images.items()}
         self.link = link = Link("simulated_arm", topics)
@@ -65,7 +66,7 @@ class Ros2Node:
         """Reset to the start of this number, at rest."""
         start = self.robot.begin(seed)
         self.link.forget()
-        self.held, self.ended, self.tare = None, False, None
+        self.held, self.reported, self.tare = None, False, None
         print(f"start {seed}, the goal believed at", *(f"{x:.4f}" for x in start["believed_m"]), flush=True)
 
     def tick(self) -> None:
@@ -77,8 +78,8 @@ class Ros2Node:
         self._publish_readings(stamp)
         if self.robot.ticks % max(1, round(1 / (FRAMES * self.robot.config.control_period))) == 0:
             self._publish_pictures(stamp)
-        if self.held is not None and self.robot.ended is not None and not self.ended:
-            self.ended, outcome = True, self.robot.outcome()
+        if self.held is not None and self.robot.ended is not None and not self.reported:
+            self.reported, outcome = True, self.robot.outcome()
             print(f"{outcome['category']}, {outcome['peak_force_n']:.1f} N at most", flush=True)
 
     def _hold(self) -> None:
@@ -89,7 +90,8 @@ class Ros2Node:
         if message is self.held:
             return
         if self.held is None:  # the episode begins with the first command
-            self.robot.ended, self.robot.sim.count[:] = None, 0
+            self.robot.ended = None
+            self.robot.sim.count[:] = 0  # policy steps
             print(f"commanded on {self.target}", flush=True)
         self.held = message
         p, o = message.pose.position, message.pose.orientation

@@ -31,7 +31,7 @@ class Rendering:
     """One predicted picture.
 
     Attributes:
-        eye: the camera as its world makes it.
+        eye: the camera as its world makes it, and as calibrated (`eye.believed`).
         q: (nj,) rad, the measured angles that it is predicted at.
         rgb: (H, W, 3) uint8 sRGB, in the predictor's look.
         depth: (H, W) float32, planar, m, 0 where nothing is.
@@ -92,7 +92,7 @@ class Predictor:
         self.geometry.place(world)
         self.world = world = self.geometry.world
         looks = world.only(lambda e: effect(e.effect).family == "appearance")
-        bodies = self.geometry.bodies if looks.effects else {}  # a look may depend on them: distractors keep clear
+        bodies = self.geometry.bodies if looks.effects else {}  # distractors are placed clear of bodies
         wanted = looks, {name: tuple(pose) for name, pose in bodies.items()}
         if wanted != self._dressed:
             dress(self._renderer, self.scene, looks, bodies)
@@ -121,7 +121,7 @@ class Predictor:
 
         Args:
             rendering: of this predictor, in its present world.
-            seed: of what the sensor draws.
+            seed: of the sensor's random numbers.
             velocity: (6,) m/s, rad/s of the camera in its own axes, for motion blur; at rest if not given.
         """
         return through_sensor(self.world, rendering, seed, velocity, bend=False)
@@ -145,7 +145,7 @@ def through_sensor(
     Args:
         world: without ranges.
         rendering: what was drawn.
-        seed: of what the sensor draws.
+        seed: of the sensor's random numbers.
         velocity: (6,) m/s and rad/s of the camera in its own axes.
         bend: whether the lens's distortion is among the effects, or in the picture already.
     """
@@ -167,7 +167,7 @@ def delivered(
     Args:
         sensor: of the camera; it may have state.
         rendering: what was drawn.
-        rng: of what the sensor draws.
+        rng: for the sensor's random numbers.
         velocity: (6,) m/s and rad/s of the camera in its own axes; at rest if not given.
         time: of the picture, s.
     """

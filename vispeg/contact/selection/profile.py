@@ -44,11 +44,12 @@ def places(evidence: ContactEvidence, world: World) -> list[tuple[str, str]]:
     For impacts see `vispeg.contact.again.damping`. Effects of a force sensor are left out if none measured the
     wrench.
     """
-    scene, read = evidence.items[0].source.scene, any(i.source.torques is None for i in evidence.items)
+    scene = evidence.items[0].source.scene
+    wrench_measured = any(i.source.torques is None for i in evidence.items)  # else it is estimated from joint torques
     out = []
     for kind in looked_for():
         where = place_of(kind, scene)
-        if (not read and kind.overrides("wrench")) or not where or kind.stage == BLOWS:
+        if (not wrench_measured and kind.overrides("wrench")) or not where or kind.stage == BLOWS:
             continue
         if not any(e.effect == kind.name for e in world.effects):
             out.append((kind.name, where))
@@ -63,9 +64,8 @@ def tries(name: str, where: str) -> list[tuple[str, EffectInstance]]:
 def probed(screen: Screen, where: Sequence[tuple[str, str]], least: float) -> list[Probe]:
     """Return probes of every parameter of the effects at their places.
 
-    The sizes of each sign are tried outward from null, and on from one whose change is too small to drop the squared
-    residual by `least`. Beyond, they end where linear extrapolation promises less than a share of it, or nothing beyond
-    this size. An effect with a threshold goes on, because extrapolation does not hold for it.
+    The sizes of each sign are tried outward from null. The next size is tried if this one changes the residual by at
+    most `least` (squared norm), or may gain more when larger (`_goes_on`).
     """
     ways = [way for name, at in where for way in outward(name, at)]
     out: list[Probe] = []
@@ -93,7 +93,11 @@ def size_of(name: str, parameter: str, placed: EffectInstance) -> float:
 
 
 def _goes_on(t: Probe, least: float) -> bool:
-    """Return whether a larger size may gain more: by extrapolation, or as that of a threshold (e.g. of a grip) may."""
+    """Return whether a larger size may gain more.
+
+    By linear extrapolation the best size is a larger one if `gain > moved`, and must promise a gain of `least`. Of an
+    effect with a threshold (a grip that slips) any gain suffices, because extrapolation does not hold for it.
+    """
     beyond = t.gain > t.moved and t.promise >= least
     return beyond or (effect(t.placed.effect).remembers and t.gain > 0)
 
@@ -117,12 +121,15 @@ def promises(probes: Sequence[Probe]) -> dict[tuple[str, str], float]:
 
 
 def idle(probes: Sequence[Probe]) -> set[tuple[str, str]]:
-    """Return the (effect, parameter) pairs that at no size gain a `contact_alike` of the effect's best parameter."""
+    """Return the (effect, parameter) pairs that gain almost nothing at any size.
+
+    That is less than a share `RULES.contact_alike` of the gain of the effect's best parameter. If the best parameter
+    raises the residual, none is idle.
+    """
     top: dict[str, float] = {}
     best: dict[tuple[str, str], float] = {}
     for p in probes:
         key = p.placed.effect, p.name
         top[p.placed.effect] = max(top.get(p.placed.effect, -np.inf), p.gain)
         best[key] = max(best.get(key, -np.inf), p.gain)
-    least = {name: max(RULES.contact_alike * gain, 0.0) for name, gain in top.items()}
-    return {key for key, gain in best.items() if gain < min(least[key[0]], top[key[0]])}
+    return {(name, k) for (name, k), gain in best.items() if top[name] >= 0 and gain < RULES.contact_alike * top[name]}

@@ -54,7 +54,7 @@ def units_of(
 ) -> dict[str, tuple[str, str]]:
     """Return signal -> (unit, reason): angles first, as other units are checked against them; `known` are kept."""
     out = dict(known or {})
-    for signal in sorted(columns, key=lambda s: ("q", "q_cmd").index(s) if s in ("q", "q_cmd") else 2):
+    for signal in sorted(columns, key=lambda s: {"q": 0, "q_cmd": 1}.get(s, 2)):
         if signal in out:
             continue
         said = {m.unit for m in columns[signal]} - {""}
@@ -96,10 +96,10 @@ def _angle(
         return "deg", f"up to {peak:.4g}, beyond two turns in radians"
     low, high = limits.range.T
     straight, _ = straightened(values, limits.range)  # so that 0 to 2 pi for a range of +-pi does not count as degrees
-    beyond = float(np.mean((straight < low - 0.1) | (straight > high + 0.1)))
-    within = float(np.mean((values * FACTORS["deg"] < low) | (values * FACTORS["deg"] > high)))
-    if beyond > 0.02 and within == 0:
-        return "deg", f"as radians {beyond:.0%} of the readings were outside the joints' ranges"
+    outside_as_rad = float(np.mean((straight < low - 0.1) | (straight > high + 0.1)))
+    outside_as_deg = float(np.mean((values * FACTORS["deg"] < low) | (values * FACTORS["deg"] > high)))
+    if outside_as_rad > 0.02 and outside_as_deg == 0:
+        return "deg", f"as radians {outside_as_rad:.0%} of the readings were outside the joints' ranges"
     return "rad", f"up to {peak:.3g}, as radians inside the joints' ranges"
 
 
@@ -115,7 +115,7 @@ def _torque(unit: str, values: np.ndarray, limits: Limits, doubts: list[str]) ->
     peak = np.nanmax(np.abs(values), axis=0)
     finite = np.isfinite(limits.torque)
     if finite.any() and np.all(peak[finite] < 5e-3 * limits.torque[finite]):
-        doubts.append("torques are under a hundredth of the joints' limits: is their unit N m?")
+        doubts.append("torques are under 0.5 % of the joints' limits: is their unit N m?")
     if finite.any() and np.any(peak[finite] > 20 * limits.torque[finite]):
         return "mNm", "as N m they would be over twenty times the joints' limits"
     return "N m", "no unit stated; N m does not contradict the joints' limits"
@@ -138,8 +138,8 @@ def time_unit(
     period = float(np.median(step[step > 0]))
     dates = [unit for unit in TIMES if EPOCH[0] < float(time[0]) * FACTORS[unit] < EPOCH[1]]
     q = stacks["q"] * FACTORS[units["q"][0]]
-    rates = [stacks["dq"] * FACTORS[unit] for unit in speeds] if "dq" in stacks else []
-    fits = [unit for unit in TIMES if _fits(period * FACTORS[unit], q, rates, step, FACTORS[unit], limits)]
+    measured = [stacks["dq"] * FACTORS[unit] for unit in speeds] if "dq" in stacks else []  # rad/s, by unit tried
+    fits = [unit for unit in TIMES if _fits(period * FACTORS[unit], q, measured, step, FACTORS[unit], limits)]
 
     def rate(unit: str) -> str:
         return f"{1.0 / (period * FACTORS[unit]):.4g} Hz"
@@ -153,27 +153,29 @@ def time_unit(
         return dates[0], f"dates since 1970 in {dates[0]}: {rate(dates[0])}"
     if len(fits) == 1:
         return fits[0], f"{rate(fits[0])}, and speeds that the joints can do; no other unit gives both"
-    some = fits or list(TIMES)
-    best = min(some, key=lambda unit: abs(math.log(1.0 / (period * FACTORS[unit]) / TYPICAL_HZ)))
-    others = ", ".join(f"{unit} ({rate(unit)})" for unit in some if unit != best)
+    possible = fits or list(TIMES)
+    best = min(possible, key=lambda unit: abs(math.log(1.0 / (period * FACTORS[unit]) / TYPICAL_HZ)))
+    others = ", ".join(f"{unit} ({rate(unit)})" for unit in possible if unit != best)
     doubts.append(f"the time may be in {best} ({rate(best)}) or in {others}")
     return best, f"{rate(best)} is the most usual of what is possible"
 
 
 def _fits(
-    period: float, q: np.ndarray, rates: Sequence[np.ndarray], step: np.ndarray, factor: float, limits: Limits
+    period: float, q: np.ndarray, measured: Sequence[np.ndarray], step: np.ndarray, factor: float, limits: Limits
 ) -> bool:
+    """Test whether the sample rate is usual, and the slopes of the angles are possible and near a measured speed.
+
+    `step` is the time's steps, and `factor` its unit in s.
+    """
     if not RATES[0] <= 1.0 / period <= RATES[1]:
         return False
     good = step > 0
-    speed = (
-        np.diff(straightened(q, np.tile([-np.inf, np.inf], (q.shape[1], 1)))[0], axis=0)[good]
-        / (step[good] * factor)[:, None]
-    )
+    unwrapped, _ = straightened(q, np.tile([-np.inf, np.inf], (q.shape[1], 1)))
+    speed = np.diff(unwrapped, axis=0)[good] / (step[good] * factor)[:, None]
     top = np.where(np.isfinite(limits.velocity), 3.0 * limits.velocity, TOP_SPEED)
     if np.any(np.nanquantile(np.abs(speed), 0.99, axis=0) > top):
         return False
-    ratios = [slope(speed, dq[1:][good]) for dq in rates]
+    ratios = [slope(speed, dq[1:][good]) for dq in measured]
     return not ratios or any(ratio is None or 0.3 < ratio < 3.0 for ratio in ratios)
 
 
