@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import ClassVar
 
 MANY = 30  # greatest number of choices that are all listed
-NEAREST = 5  # number of choices that are listed of more
+NEAREST = 5  # number of choices that are listed if there are more than MANY
 FLAG = re.compile(r"(?<![\w-])--([a-z][a-z0-9-]*)")
 
 

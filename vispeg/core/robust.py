@@ -1,4 +1,4 @@
-"""Robust statistics: of values some of which belong to something else."""
+"""Robust statistics, which a few outliers hardly change."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ NORMAL = 1.4826  # standard deviation of a normal variable over its median absol
 def spread(values: np.ndarray) -> float:
     """Return a robust standard deviation of values (n,) about their median, by the median absolute deviation.
 
-    As `scipy.stats.median_abs_deviation`, whose import a rendering of data sets does without.
+    The same as `scipy.stats.median_abs_deviation(scale="normal")`, without an import of scipy.stats, for the rendering
+    of datasets.
     """
     return NORMAL * float(np.median(np.abs(values - np.median(values))))
 

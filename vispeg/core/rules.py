@@ -78,8 +78,8 @@ class Compared:
         "Seconds at the start of a stretch that are not judged.",
         reason="the start state is not measured and its error fades")
     settle_observed: float = _rule(1.2, "joints", "d3946098",
-        "The same where a wrong start fades only by the observer, or by OSC's null-space control; and seconds after a "
-        "loop lost its arm that are left out.",
+        "The same where a wrong start fades only by the observer, or by OSC's null-space control; and seconds that are "
+        "left out after a loop was unstable.",
         reason="the observer's 8 rad/s leave under 1 in 1000 of it")
     runaway_speed: float = _rule(3.0, "joints", "47e115cb",
         "Multiple of its rated speed from which a joint's control loop counts as unstable.",
@@ -190,7 +190,7 @@ class Compared:
         "The same as a share of the force of contact.",
         case="at 0.1 % of a press a stiff arm's give was named where nothing was hidden")
     floor_wedged: float = _rule(4.4, "contact", "8e245e45",
-        "Addition to that share inside the goal, where a part wedges: so many times the square of its tilt.",
+        "Addition to that share inside the goal, where a part wedges, over the squared sine of its tilt.",
         reason="0.1 mm of its roundness turns the hand by mrad")
     floor_loose: int = _rule(2, "contact", "cb9cd3d1",
         "Blocks before and after a slide that have the slide's floor.",
@@ -294,7 +294,7 @@ class Compared:
         "Exposure (s) of a good camera, by which moving borders are soft.",
         reason="a frame at 60 Hz")
     figure_noise: float = _rule(0.35, "pictures", "fbb7d3b1",
-        "The same of the noise of depth and of colour, on a logarithmic scale.",
+        "The noise of depth and of colour that good cameras differ by, on a logarithmic scale.",
         reason="twice the variance")
     flights_least: int = _rule(20, "tosses", "1eb50084",
         "Windows of free flight from which the noise floor is taken.",
@@ -376,7 +376,8 @@ class Proposed:
         reason="where the optimum lies beyond a bound, bounded least squares ends this near it in 99 % of 2000 linear "
         "problems")
     several_link: float = _rule(0.1, "joints", "fbd72ba7",
-        "The same of a link's mass or centre, or a payload.",
+        "Share of the error that a link's mass or centre, or a payload, must remove in the linear model (others: "
+        "`gain`).",
         reason="otherwise many links come in that cancel one another")
     several_common: float = _rule(0.5, "joints", "fbd72ba7",
         "Share of the best effect's gain from which one that every joint has (friction, rotor, bias) is taken instead.")
@@ -446,7 +447,8 @@ class Accepted:
         "Share of the error that an effect removed, that one of the same kind beside it must remove.",
         reason="no model of friction is exact")
     clear_of_angle: float = _rule(0.2, "joints", "82e9c37c",
-        "The same of a torque that depends on the angle alone.",
+        "Removed share of the held-out error from which a torque that depends on the angle alone is no mere refinement "
+        "of another effect (others: `alone`).",
         reason="no error of form of friction leaves such a torque")
     alone: float = _rule(0.8, "all", "954b27c7",
         "Removed share of the held-out error from which one effect is taken before several, and is no mere refinement "
@@ -541,7 +543,8 @@ class Named:
         "Share of `kinematics_place` to which an arm repeats a pose; no smaller error of a pose is named.",
         reason="0.1 mm, a KUKA iiwa's data sheet")
     interval: float = _rule(3.84, "contact", "cb9cd3d1",
-        "Rise of the squared residual at the ends of an interval; `contact_lasting` times it makes no model better.",
+        "Rise of the squared residual at the ends of an interval; models that differ by less than `contact_lasting` "
+        "times it are equal.",
         reason="95 % of chi squared, one degree of freedom",
         case="errors of form made a gain better by 36 and 50 than the heavier tool that was there (presses)")
     interval_less: float = _rule(0.5, "contact", "0bbdbdd4",

@@ -20,8 +20,8 @@ OWN = "vispeg/"  # prefix of columns that LeRobot does not have
 PLACES = ("episode_index", "length", "dataset_from_index", "dataset_to_index", "data/chunk_index", "data/file_index")
 
 
-def _worlds(value: Any) -> bool:
-    """Return whether a value is a mapping effect -> parameter -> number."""
+def _is_world(value: Any) -> bool:
+    """Return whether a value is a drawn world: a mapping effect -> parameter -> number."""
     if not isinstance(value, dict):
         return False
     return all(isinstance(params, dict) and all(map(is_number, params.values())) for params in value.values())
@@ -41,7 +41,7 @@ KINDS: Mapping[str, Callable[[Any], bool]] = {  # column without its prefix -> t
     "success": lambda b: isinstance(b, bool),
     "category": lambda s: isinstance(s, str),
     "peak_force": lambda f: is_number(f) and f >= 0,
-    "world": _worlds,
+    "world": _is_world,
     "cameras": lambda records: isinstance(records, list) and all(isinstance(r, dict) for r in records),
 }
 

@@ -324,7 +324,7 @@ class _Loop:
         return bool(z <= goal.reached_m[2]) and not beside
 
     def _begin(self, reading: Reading) -> None:
-        """Start the observer and the commanded pose from this reading: the first one, then the last one at rest."""
+        """Start the observer and the commanded pose from the first reading, and again from the last one at rest."""
         self.first = reading
         self.builder.begin(reading.q, reading.dq, self.goal)
         self.target = np.concatenate([self.builder.observer.goal[0], self.builder.observer.rot[0]])

@@ -27,8 +27,8 @@ from vispeg.formats.typed import typed
 from vispeg.formats.yaml_data import read_yaml
 from vispeg.interface.builder import Picture
 from vispeg.interface.interface import Interface
+from vispeg.recordings import load_cell
 from vispeg.recordings.importers.camera_info import described
-from vispeg.recordings.load_cell import wrench
 from vispeg.recordings.schema import Quaternion, Vec3, WrenchSection
 from vispeg.render.cameras.camera import Camera, rotation
 from vispeg.render.image_kinds import RGB, camera_of, kind_of
@@ -242,7 +242,7 @@ class Ros2Robot:
             self._agrees(self.read().q)
         except TimeoutError as error:
             raise UserError(str(error), key="--robot") from error
-        sensor = wrench(self.topics.wrench)
+        sensor = load_cell.wrench(self.topics.wrench)
         assert sensor is not None
         return Connected(wrench=sensor)
 
@@ -400,7 +400,7 @@ def composed(pose: np.ndarray, offset: np.ndarray) -> np.ndarray:
     """
     if np.array_equal(offset, [0, 0, 0, 1, 0, 0, 0]):
         return pose
-    # the product's sign does not jump between poses, which a filter may rely on
+    # no rotation matrix in between: a product of quaternions keeps its sign from pose to pose, as a filter may need
     (w, *v), (a, *b) = pose[3:], offset[3:]
     turn = w * np.array(b) + a * np.array(v) + np.cross(v, b)
     return np.concatenate([pose[:3] + rotation(pose[3:]) @ offset[:3], [w * a - np.dot(v, b)], turn])

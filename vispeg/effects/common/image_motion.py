@@ -40,7 +40,8 @@ def image_flow(frame, row: int, near: np.ndarray) -> np.ndarray:
 def arriving(shift: np.ndarray, near: np.ndarray) -> np.ndarray:
     """Return by how much (H, W, 3) what is then seen in each pixel has moved.
 
-    Where nothing arrives, what was beside it is seen, unless that hid what the pixel shows.
+    Where nothing arrives, it is the pixel's own shift; 0 if the place from which that shift leads shows something
+    nearer, which has moved away.
 
     Args:
         shift: (H, W, 3) by how much what each pixel shows moves: px across and down, and m.
@@ -51,7 +52,8 @@ def arriving(shift: np.ndarray, near: np.ndarray) -> np.ndarray:
     left = np.clip(np.rint(u - shift[..., 0]), 0, width - 1).astype(np.int32)
     above = np.clip(np.rint(v - shift[..., 1]), 0, height - 1).astype(np.int32)
     beside = np.where((near < near[above, left])[..., None], np.float32(0), shift)
-    # It arrives between four pixels, or fewer if it moves by whole ones, of a picture with margins for what leaves.
+    # Each pixel is written to all pixels around its new place, four unless it lies on a row or column. The picture has
+    # margins of two pixels for what leaves it.
     wide = width + 4
     far_first = np.argsort(near, axis=None, kind="stable").astype(np.int32)
     across, down = (

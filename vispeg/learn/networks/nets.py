@@ -95,7 +95,7 @@ def random_shift(x: Tensor, pixels: int) -> Tensor:
     height, width = x.shape[-2:]
     shifts = torch.randint(-pixels, pixels + 1, (min(SHIFTS, len(x)), 2)).tolist()
     parts = []
-    for part, (down, right) in zip(x.chunk(len(shifts)), shifts, strict=False):
+    for part, (down, right) in zip(x.chunk(len(shifts)), shifts, strict=False):  # `chunk` may make fewer parts
         rows = torch.arange(down, down + height, device=x.device).clamp_(0, height - 1)
         columns = torch.arange(right, right + width, device=x.device).clamp_(0, width - 1)
         parts.append(part.index_select(-2, rows).index_select(-1, columns))

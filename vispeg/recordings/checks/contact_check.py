@@ -19,7 +19,7 @@ WORDS: Mapping[str, str] = dict(
     zip(REGIMES, ("in free air", "pressing", "sliding", "inserted", "hitting"), strict=True)
 )
 FORCES = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # N, edges of the histogram of contact forces
-BEFORE = 5  # samples before an impact, of which the fastest has its speed: force is noticed late
+BEFORE = 5  # samples before an impact, whose greatest speed is the impact's: the force is noticed late
 STEADY = 10  # samples that the range of sustained forces must exceed
 
 

@@ -89,7 +89,8 @@ class Scales:
 def order_that_fits(rec: Recording, needs: Needs) -> Order | None:
     """Find a joint order in which torques fit the model far better than in the log's order; None if there is none.
 
-    Up to six joints all orders are tried; for more, exchanges of two or three joints as long as they lower the error.
+    Up to six joints all orders are tried; for more, exchanges of two and of three joints, each kept if it lowers the
+    error.
 
     Args:
         rec: with measured torque.
@@ -117,7 +118,7 @@ def order_that_fits(rec: Recording, needs: Needs) -> Order | None:
 
 
 def _exchanged(n: int, error: Callable[[Sequence[int]], float]) -> tuple[int, ...]:
-    """Return an order that no exchange of two or three joints improves."""
+    """Return an order improved by two rounds of exchanges of two joints, then one of three."""
     best, least = list(range(n)), error(range(n))
     for exchanges in (combinations(range(n), 2), combinations(range(n), 2), permutations(range(n), 3)):
         for places in exchanges:
