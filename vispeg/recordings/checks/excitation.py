@@ -28,7 +28,7 @@ class Excitation:
             None for a joint that did not move.
         identifiability: parameter -> share of its column that no other column explains, 0 to 1.
         sigma: parameter -> standard deviation of its estimate from this recording alone, due to white torque noise
-            (unit as UNITS); None where there is no torque.
+            (unit as UNITS); None where the noise is not known, or the joint hardly moved.
     """
 
     range: float
@@ -46,7 +46,7 @@ def excitation(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, noise_tau: float 
 
     Args:
         q, dq, ddq: (n,) rad, rad/s, rad/s^2, smoothed; NaN where missing.
-        noise_tau: 1-sigma of the joint's torque, N m.
+        noise_tau: 1-sigma noise of the joint's torque, N m; None if it is not known.
     """
     good = np.isfinite(q) & np.isfinite(dq) & np.isfinite(ddq)
     q, dq, ddq = q[good], dq[good], ddq[good]

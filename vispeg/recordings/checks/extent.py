@@ -92,6 +92,7 @@ def lacking(e: Extent) -> dict[str, str]:
     return {
         "free air": air,
         "tilt": lean,
+        # an Extent does not say whether the part was held, so there is always a reason
         "weighing": lean or "cannot be told from {other}: weigh with and without the held part",
         "press": touched,
         "two forces": "" if several else touched or "pressed with one force only: press with 5 and with 20 N",

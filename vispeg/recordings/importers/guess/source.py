@@ -153,7 +153,8 @@ def _by_constants(
         return False
     joints = [joint for joint in rec.joints if joint in constants]
     places = [rec.joints.index(joint) for joint in joints]
-    values = np.array([constants[joint].value for joint in joints])
+    values = np.array([constants[joint].value for joint in joints])  # N m/A
+    # N m per unit of the readings, which is A or mA
     fitted = np.full(len(joints), np.nan) if found is None or not found.told else 1.0 / found.scale[places]
     ratio = float(np.nanmedian(np.abs(fitted) / values)) if np.isfinite(fitted).any() else math.nan
     unit = min(("A", "mA"), key=lambda u: abs(math.log(ratio / FACTORS[u]))) if ratio > 0 else ""
