@@ -40,8 +40,8 @@ def image_flow(frame, row: int, near: np.ndarray) -> np.ndarray:
 def arriving(shift: np.ndarray, near: np.ndarray) -> np.ndarray:
     """Return by how much (H, W, 3) what is then seen in each pixel has moved.
 
-    Where nothing arrives, it is the pixel's own shift; 0 if the place from which that shift leads shows something
-    nearer, which has moved away.
+    Where nothing arrives, it is the pixel's own shift; 0 if the place from which that shift leads here shows something
+    nearer, which hides what the pixel shows.
 
     Args:
         shift: (H, W, 3) by how much what each pixel shows moves: px across and down, and m.
