@@ -212,7 +212,7 @@ def leaves() -> dict[str, Command]:
     """Return all commands by name; a sub-command's name has two words, as in `camera show`."""
     out = {}
     for name, place in COMMANDS.items():
-        if name != "doctor":
+        if name != "doctor":  # it has a parser of its own, since it must work where tyro is missing
             one = found(place)
             out |= {f"{name} {sub}": each for sub, each in one.items()} if isinstance(one, dict) else {name: one}
     return out
@@ -254,7 +254,7 @@ def typed(hint: Any, name: str) -> Any:
     """Return the type of an option's value from a parameter's type; None if the command line cannot express it.
 
     A sequence or list becomes a tuple, a mapping a tuple of texts NAME=VALUE. Text or path becomes a path, except for
-    options whose values have names.
+    options that take names of bundled things (`NAMED`). Of other unions the first type counts.
     """
     parts = [*_members(hint)]
     if _pairs(hint) is not None:

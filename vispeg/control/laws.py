@@ -109,7 +109,8 @@ def hold_pose(
     limit = np.atleast_1d(np.asarray(np.inf if force_limit is None else force_limit, float))
     task = (*state[:4], dq, pos, rot, kp, kd)
     tau, done = np.empty_like(dq), np.empty(len(dq), bool)
-    hold(*task, dq[:0] if pull is None else pull, limit, WORST, tau, done)
+    no_pull = dq[:0]  # the kernel takes an array: an empty one for no posture task
+    hold(*task, no_pull if pull is None else pull, limit, WORST, tau, done)
     if not done.all():
         undone = ~done
         undone_pull = None if pull is None else pull[undone]

@@ -24,8 +24,8 @@ def workplace(
 ) -> Iterator[Path]:
     """Yield the folder that `prepare` makes, locked against other processes while the body runs.
 
-    Without `out` it is a temporary folder. If the body raises before an episode is stored, nothing can be resumed. A
-    result that it was to replace is there again then, and after UserError a folder that was new or empty is as it was.
+    Without `out` it is a temporary folder. If the body raises before an episode is stored, there is nothing to resume:
+    the result that the run was to replace is put back, and after UserError a new or empty folder is left as it was.
     """
     if out is None:
         with TemporaryDirectory(prefix="vispeg-") as folder:

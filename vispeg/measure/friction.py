@@ -67,12 +67,12 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     place = readings.place()
     mean = places(name.replace("_", " "), values, place)
     errors, law = instrument_law(readings, columns, function)
-    nominal = law(*(0.0 for _ in errors))  # what the errors change is added to the mean of the rows
+    nominal = law(*(0.0 for _ in errors))  # at the mean readings; only the change by the errors is added to `mean`
     if place is None:
         refuse_drift(values, digit_of(readings, columns, function), readings.file, "friction")
     result = propagate(name, "1", lambda mu, *off: mu + law(*off) - nominal, [mean, *errors], rng, repeats=len(values))
-    count, unsaid = (1, "place") if place is None else (len(np.unique(place)), "")
-    notes = [*short(len(values), REPEATS, "slide"), *short(count, PLACES, "place", unsaid)]
+    count, lacking = (1, "place") if place is None else (len(np.unique(place)), "")  # `lacking`: a missing column
+    notes = [*short(len(values), REPEATS, "slide"), *short(count, PLACES, "place", lacking)]
     return Outcome((result,), tuple(notes), by_place(values, place))
 
 

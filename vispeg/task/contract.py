@@ -45,8 +45,8 @@ class Task(ABC):
         label: one word without a dash; `vispeg train LABEL-MODALITY`.
         title: the task as an instruction in one sentence, as datasets state it.
         Config: class of its settings, whose `rewards` are its reward terms.
-        terms: what is observed. The first term of the ground truth is the tip in the goal's frame (m), which policies
-            with images learn to estimate.
+        terms: what is observed. The first one that is not for policies (`Term.to`) is the tip in the goal's frame (m),
+            which policies with images learn to estimate.
         categories: the ways in which an episode may end. They include `success`, `force limit`, `diverged` and those
             of the arm's guards (vispeg.task.guards).
         hard_positions: a `vispeg-positions/1` file of positions that an evaluation tries one by one, or None.
@@ -110,7 +110,8 @@ class Task(ABC):
     def within(self, config: Any) -> float | None:
         """Return the greatest distance of the tip from the goal's axis at which it counts as there, m.
 
-        A trial on a robot that does not judge the task is a success only within it; by default None, at any distance.
+        On a robot that does not report success itself, a trial succeeds only within it. By default None: at any
+        distance.
         """
         return None
 
@@ -127,7 +128,7 @@ class Task(ABC):
 
         Args:
             rec: one episode, with its cell.
-            world: effects to add to those that the recording's cell believes in.
+            world: effects to add to those that the recording's cell states.
             nthread: threads of the simulation.
 
         Returns:

@@ -22,9 +22,9 @@ def bearing(item: ContactItem) -> list[np.ndarray]:
     There are two for each sticking press: the tip bears off the axis by `bears_aside` radii, along either of the two
     axes across the tool.
     """
-    scene, phase, springs = item.source.scene, item.phase, stiffness()
+    scene, phase, springs = item.source.scene, item.phase, stiffness()  # springs: x, y, z, then about x, y, z
     radius, tip = scene.config.diameter / 2, scene.tip
-    couple = RULES.bears_aside * radius * np.abs(phase.contact[:, 2])  # N m
+    couple = RULES.bears_aside * radius * np.abs(phase.contact[:, 2])  # N m; the normal force is along the tool's z
     turn = couple / (springs[3] + springs[0] * tip**2)  # rad, about the tip
     force, torque = springs[0] * tip, springs[3]  # per rad; the tip lies along the flange's z
     along_x = np.array([0.0, force, 0.0, torque, 0.0, 0.0])

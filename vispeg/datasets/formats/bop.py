@@ -23,7 +23,7 @@ from vispeg.datasets.layout import colour_of, depth_of, pose_of
 from vispeg.datasets.read import Dataset
 from vispeg.render.cameras.camera import Camera, rotation
 
-FIXTURE = "fixture"  # the part with the goal, where no mesh tells
+FIXTURE = "fixture"  # name of the part with the goal, if the dataset's meshes do not show which it is
 MM = 1000.0  # mm in a metre
 Things = Mapping[int, tuple[str, str]]  # number -> part, name of its pose
 

@@ -60,19 +60,21 @@ def _put_in(search: Searching, state: State, rival: Trial, label: str) -> None:
 def _better(search: Searching, state: State, rival: Trial, label: str) -> bool:
     """Return whether a rival should replace the effect `label`: it is better, or likelier a priori and no worse.
 
-    Neither of the two was replaced before: the search would never end.
+    Neither of the two may have been replaced before, or the search would never end.
     """
     if not state.replaced.isdisjoint({rival.score.placed.label, label}):
         return False
     (accepted,) = [e for e in state.world.effects if e.label == label]
-    least = 0.0 if prior(rival.score.placed, accepted) < 1.0 else RULES.exchange
+    likelier = prior(rival.score.placed, accepted) < 1.0
+    least = 0.0 if likelier else RULES.exchange
     return search.judge.gain(state.loss, rival.loss).relative >= least
 
 
 def find_rivals(search: Searching, state: State, say: Callable[[str], None]) -> list[Rivals]:
-    """Find the rivals of every accepted effect of joints, as `rivals_of_each`; of many the linear model proposes them.
+    """Find the rivals of every accepted effect of joints.
 
-    Up to `rivals_full` effects, the whole library is screened for each.
+    Up to `rivals_full` effects, the library is screened for each (`rivals_of_each`). Beyond, the linear model proposes
+    the rivals (`_proposed`).
     """
     few = len(state.added) <= RULES.rivals_full
     return (rivals_of_each if few else _proposed)(search, state, say)
@@ -80,7 +82,7 @@ def find_rivals(search: Searching, state: State, say: Callable[[str], None]) -> 
 
 def rivals_of_each(search: Fitting, state: State, say: Callable[[str], None]) -> list[Rivals]:
     """Find the rivals of every accepted effect, with all other effects kept and refitted, by screening the library."""
-    chosen, alike = state.added, search.evidence.alike
+    chosen, alike = state.added, search.evidence.alike  # see `Evidence.alike`
     out = []
     for placed in chosen:
         step = _tried(search, state, placed, len(chosen))
@@ -109,8 +111,8 @@ def _tried(search: Fitting, state: State, placed: EffectInstance, count: int) ->
 def _goal(search: Fitting, state: State) -> float | None:
     """Return the mean squared residual that a rival's fit must be able to reach, else it stops early.
 
-    Beyond it, it would be far behind that of the accepted effect. None, for no early stop, if nothing is fitted, or if
-    the model's form leaves correlated errors, because a rival may then be an equal and leave more.
+    A fit with more is far behind that of the accepted effect. None, for no early stop, if nothing is fitted, or if the
+    model's form leaves correlated errors, because a rival may then be an equal although it leaves more.
     """
     if state.fit is None or search.evidence.alike > 0:
         return None
@@ -126,7 +128,7 @@ def _proposed(search: Searching, state: State, say: Callable[[str], None]) -> li
     asked = {e.label: e.rivals for e in search.exchanges(state) if e.rivals}
     beyond, alike = _beyond(search, state), search.evidence.alike
     placed = [e for e in state.added if e.label in asked or e.where in beyond]
-    size = (  # bytes of derivatives per effect
+    size = (  # bytes of derivatives per effect: of the fit without it, and twice of each of its rivals' fits
         8 * state.residual.size * (1 + len(state.world.effects)) * (1 + 2 * (RULES.name_class + RULES.fitted))
     )
     batch, by_label = max(1, AT_ONCE // size), {}
@@ -149,11 +151,12 @@ def _proposed(search: Searching, state: State, say: Callable[[str], None]) -> li
 def _beyond(search: Searching, state: State) -> set[str]:
     """Return the places where the linear model cannot judge an exchange: `all`, and the joint with the largest error.
 
-    Empty if the error is at the noise floor. An effect shared by all joints, such as a delay, moves the arm by far more
-    than noise, so to first order it looks like a lag. In the joint with the largest error, an effect may imitate one
-    without a signature, such as load-dependent friction.
+    Empty if the error is at the noise floor. An effect shared by all joints moves the arm by far more than noise, where
+    the linear model does not hold: to first order a delay looks like a lag. In the joint with the largest error, an
+    effect may imitate one without a signature, such as load-dependent friction.
     """
-    if search.judge.mean(state.loss) - search.judge.floor(state.world) <= RULES.at_floor - 1.0:
+    excess = search.judge.mean(state.loss) - search.judge.floor(state.world)  # in noise variances
+    if excess <= RULES.at_floor - 1.0:
         return set()
     worst = int(np.argmax(joint_z(search.missing(state.world))))
     return {ALL, search.evidence.items[0].robot.joints[worst]}
@@ -209,7 +212,7 @@ def compared(
     alike: float = 0.0,
     remaining: bool = True,
 ) -> Rivals:
-    """Return the rivals of the effect `label` among trials in its place; groups are none.
+    """Return the rivals of the effect `label` among trials in its place. A group of effects is no rival.
 
     `without` is the held-out mean squared residual without the effect; `alike` and `remaining` are as in `equal`.
     """

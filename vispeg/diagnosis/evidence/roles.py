@@ -74,7 +74,7 @@ class Sides:
         return Roles(self.fitted, self.held_out, note, name)
 
     def part(self, progress: Progress) -> Progress:
-        """Return the progress of these sides: answers fitted to what judges now are not to be had again."""
+        """Return the progress for these roles: saved fits to recordings that judge now must not be used again."""
         if self.roles is None:
             return progress
         return progress.part("fitted " + ", ".join(r.name for r in self.fitted))

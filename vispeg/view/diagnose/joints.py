@@ -48,7 +48,7 @@ class Joints(Plain):
         self.units = (self.unit,) * len(self.columns)
 
     def begin(self, world: World) -> Beginning:
-        """Return the model with encoder resolutions read from the recordings, and with partial effects freed."""
+        """Return the model with encoder resolutions read from the recordings; effects marked partial are refitted."""
         return of_joints(world, self.recordings, self.unit)
 
     def maps(self, first: World, now: World) -> dict[str, Field]:
