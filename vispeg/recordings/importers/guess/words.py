@@ -41,7 +41,7 @@ def _entry(line: Line) -> dict[str, object] | str:
 
 
 def text(proposal: Proposal) -> str:
-    """Return the map file: a line per column with its reason, rows that decided units, what to check, unused columns."""
+    """Return the map file: a line per column with its reason; what decided units, what to check, what is unused."""
     entries = data(proposal)
     why = {line.target: f"{line.sure}: {line.why}" for line in proposal.lines}
     why |= {"motors": "measured: joint angle over motor angle at which the torques fit the model; power is conserved"}
