@@ -112,7 +112,7 @@ class Bridging:
     def arm(self, robot: str) -> World:
         """Return the identified arm: the world's effects, with ranges at their middle, and the named ones."""
         drawn = of_arm(self.file.world).middle(scene_of({**self.file.task, **self.task}))
-        return _searched(robot, (*drawn.effects, *self.named))
+        return _arm_with(robot, (*drawn.effects, *self.named))
 
     def remainder(
         self, recordings: Sequence[Recording], replayed: Sequence[Trial], tick: float, notes: list[str]
@@ -124,7 +124,7 @@ class Bridging:
         missing = _missing(recordings, self.arm(recordings[0].robot))
         floor: list[Missing] = []
         for t in replayed:
-            world = _searched(t.recording.robot, t.said.begin().effects or ())
+            world = _arm_with(t.recording.robot, t.said.begin().effects or ())
             floor += _missing([t.recording], world)
         found = Remainder.of(missing, floor, recordings[0].joints, tick)
         if found is None:
@@ -172,7 +172,7 @@ class Bridging:
         return at
 
 
-def _searched(robot: str, effects: Sequence[EffectInstance]) -> World:
+def _arm_with(robot: str, effects: Sequence[EffectInstance]) -> World:
     """Return an arm with those effects that inverse dynamics shows; of several with one label, the last."""
     arm = of_arm(World(effects=tuple({e.label: e for e in effects}.values())))
     return World(robot).add(*(e for e in arm.effects if effect(e.effect).searchable))

@@ -87,9 +87,8 @@ class Controlled:
         if not self._before and not self.spare:
             raise UserError("a single episode cannot be shown another's images", expected="two or more rows")
         self._now.append({key: each.copy() for key, each in images.items()})
-        return (self._before or self._now)[: len(self._now)][
-            -1
-        ]  # at this step, or the last if that episode was shorter
+        other = self._before or self._now
+        return other[min(len(self._now), len(other)) - 1]  # at this step, or the last if that episode was shorter
 
     def _first(self, key: str, images: np.ndarray) -> np.ndarray:
         """Return the first images of the episodes in place of these (n, ...)."""

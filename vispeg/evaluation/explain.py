@@ -307,8 +307,8 @@ def _rule(rule: str, value: float, limit: float, unit: str, points_to: str) -> R
 def _followed(trial: Trial, replay: Trial) -> tuple[np.ndarray, float] | None:
     """Return the joints' RMS distance (nj,) deg between trial and replay, and the delay of the robot that fits best, s.
 
-    Both are read at the replay's rate from the first step until either of them makes contact, as a robot's readings may
-    be fewer. None where this is too short.
+    Both are read at the replay's rate, as a robot's readings may be fewer, from the first step until either of them
+    makes contact. None where this is too short.
     """
     sides, rate = [(t.recording, t.steps.time[0]) for t in (trial, replay)], replay.recording.rate_hz
     n = 1 + int(rate * min(rec.time[max(before_contact(rec), 1) - 1] - begun for rec, begun in sides) + 1e-6)

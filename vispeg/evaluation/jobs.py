@@ -89,6 +89,7 @@ class Job:
     def split(self, size: int) -> list[Job]:
         """Split the job into jobs of up to `size` seeds."""
         pieces = [self.seeds[i : i + size] for i in range(0, len(self.seeds), size)]
+        # two rows even for one seed, so that shuffled images come from another episode
         return [replace(self, seeds=piece, rows=min(self.rows, max(2, len(piece)))) for piece in pieces]
 
 

@@ -81,7 +81,7 @@ class LeRobot:
             if len(sizes) > 1:
                 raise UserError("pictures of several sizes", file=file, key="input_features", got=sorted(sizes))
             (size,) = sizes
-            if len(size) != 2 or size[0] != size[1]:  # those that the task shows are, and a network would take others
+            if len(size) != 2 or size[0] != size[1]:  # the task's pictures are square; a network would accept them
                 expected = "as high as wide, like those of `vispeg render`"
                 raise UserError(
                     "pictures that are not square", file=file, key="input_features", expected=expected, got=size

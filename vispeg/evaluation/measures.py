@@ -85,7 +85,7 @@ def _words(name: str, here: float, there: float, differ: bool, apart: bool) -> s
     if not differ:
         return f"{NAMES[name]} {here:.3g} and {there:.3g} {unit}: whether they differ, {CANNOT_TELL}"
     if f"{here:.3g}" == f"{there:.3g}":
-        return f"{NAMES[name]} {here:.3g} {unit} on both sides in the median, but not alike in all"
+        return f"{NAMES[name]} {here:.3g} {unit} on both sides in the median, but their distributions differ"
     more = {"time": ("longer", "shorter"), "peak_force": ("higher", "lower")}[name][int(there < here)]
     said = f"{NAMES[name]} {abs(there - here):.3g} {unit} {more}, {there:.3g} instead of {here:.3g}"
     return f"{said}, more than half apart: look at the contact model" if apart else said

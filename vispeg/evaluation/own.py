@@ -195,7 +195,7 @@ def _of_space(space: Mapping[str, Any], name: str) -> tuple[str, dict[str, Any]]
     task: dict[str, Any] = {}
     if kinds:
         pictures = {key: shape for key, shape in shapes.items() if key != POLICY}
-        usual = ("wrist_wide", "wrist_crop")
+        usual = ("wrist_wide", "wrist_crop")  # the order of a task's own cameras; a space's keys are sorted by name
         names = dict.fromkeys(camera_of(key) for key in pictures)
         task["cameras"] = tuple(sorted(names, key=lambda c: usual.index(c) if c in usual else len(usual)))
         task["image_size"] = min(min(shape[1:]) for shape in pictures.values())

@@ -116,7 +116,7 @@ class _Menu:
         segments = [
             Segment(
                 self.control, 1.0 / self.control.rate_hz, {"q_cmd": m.q_cmd, "dq_cmd": m.dq_cmd},
-                m.q_cmd, m.dq_cmd, m.q_cmd, m.time, np.arange(len(m.time)),
+                q=m.q_cmd, dq=m.dq_cmd, q_raw=m.q_cmd, time=m.time, rows=np.arange(len(m.time)),
             )
             for m in self.motions.values()
         ]  # fmt: skip

@@ -98,6 +98,7 @@ def joints_show_from(search: Search, state: State) -> list[ShowsFrom]:
     count = float(search.judge.size.sum())
     over = float(state.loss.sum()) / count - search.judge.floor(state.world)
     chance = float(stats.norm.ppf(RULES.power)) * np.sqrt(2.0 / count)  # scatter of a mean square of noise
+    # at the noise floor a search does not start unless an effect lifts the error above it
     worth = RULES.at_floor - 1.0 + chance if over <= RULES.at_floor - 1.0 else 0.0
     return shows_from(search, state, lambda: of_joints(search, state), worth)
 
@@ -120,8 +121,8 @@ def shows_from(
     """Return for each tried effect the values of its magnitudes that these recordings would not show.
 
     The effects are added to the state to first order: on the fitted recordings by the given traces, on the held-out
-    ones by a rollout at the least size that the fitted ones would show. Of several trials of one magnitude the least
-    detectable counts.
+    ones by a rollout at the least size that the fitted ones would show. Of several trials of one magnitude, the one
+    that is hardest to detect counts.
 
     Args:
         search: search that could have found them.
@@ -137,7 +138,8 @@ def shows_from(
             rows.setdefault((name, where), {})[parameter] = size if np.isfinite(size) else None
         return [[*key, sizes] for key, sizes in rows.items()]
 
-    which = hashlib.sha256(state.residual.tobytes()).hexdigest()  # depth and light ask about the same world
+    # in the key of the stored result, since depth and light of pictures ask about the same world
+    which = hashlib.sha256(state.residual.tobytes()).hexdigest()
     rows = search.progress.recall(["shows from", which, model_text(state.world)], work_out)
     return [
         {"effect": name, "where": where, "between": between(name, {k: v or np.inf for k, v in sizes.items()})}
@@ -217,7 +219,7 @@ def _held_out(search: Searched, state: State, shown: Sequence[tuple[_Seen, Needs
     slopes = none if fit is None else on_held_out(judge, fit).jacobian
     worlds = [state.world.add(seen.tried.at(promised)) for seen, _, promised in shown]
     for (seen, _, promised), moved in zip(shown, judge.evidence.each_residual(worlds), strict=True):
-        scale = 1.0 if seen.tried.at(2.0) == seen.tried.placed else promised
+        scale = 1.0 if seen.tried.at(promised) == seen.tried.placed else promised  # some keep their size (`Tried.at`)
         column = (residual - moved) / scale - slopes @ seen.taken
         yield Trace.of(column, none, residual, judge.blocks)
 
@@ -228,7 +230,7 @@ def needed(search: Searched, state: State, placed: EffectInstance, worth: float,
     `worth` is as in `shows_from`, `level` the required standard errors of its gain.
     """
     count, loss = float(search.judge.size.sum()), float(state.loss.sum())
-    share = search.evidence.least_gain
+    share = search.evidence.least_gain  # of `loss` plus the drop
     drop = max(share / (1.0 - share) * loss, worth * count)
     if state.steps:
         drop = max(drop, search.least_share * state.scale * count)
