@@ -79,7 +79,8 @@ def exploit_page(values: Mapping[str, Any]) -> str:
     rows = []
     for r in values["policies"]:
         peak = r["peak"]
-        force = "-" if peak["fixed"] is None else f"{peak['fixed']:.0f} and {peak['randomized']:.0f} N"
+        sizes = peak["fixed"], peak["randomized"]
+        force = "-" if None in sizes else "{:.0f} and {:.0f} N".format(*sizes)
         sides = [words.rate(r[k]) for k in ("fixed", "randomized")]
         tests = [words.change(r["cost"]), words.p_value(r["p_holm"]), force, words.p_value(peak["p_holm"])]
         rows.append([r["policy"], *sides, *tests, r["verdict"]])

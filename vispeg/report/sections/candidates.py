@@ -67,7 +67,7 @@ def _screened(record: Record) -> list[Mapping[str, Any]]:
 def _by_model(tried: Iterable[dict[str, str]]) -> list[Mapping[str, object]]:
     """Group rows by the model that the candidate was added to, in the order of their best row.
 
-    `size` is the number of effects in that model.
+    `size` is the number of effects in that model, 1 for the initial model.
     """
     models: dict[str, list[dict[str, str]]] = {}
     for row in tried:

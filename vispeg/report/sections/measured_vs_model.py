@@ -39,7 +39,7 @@ def context(record: Record) -> Mapping[str, object]:
     ordered = sorted(record.evidence.traces, key=lambda t: -(_final(t) or 0.0))[:MOST_TRACES]
     names = {t.name for t in ordered}
     chosen = [t for t in traces if t.name in names][: 2 * MOST_TRACES]
-    lines = max(1, sum(5 * t.measured.shape[1] for t in chosen))
+    lines = max(1, sum(5 * t.measured.shape[1] for t in chosen))  # of each joint three signals and two residuals
     points = int(min(1500, max(160, POINTS / lines)))
     joints = record.evidence.joints
     return {

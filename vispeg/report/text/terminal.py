@@ -61,12 +61,12 @@ def _narrow(effects: Sequence[Mapping[str, str]], diagnosis: Mapping[str, Any]) 
         if not alone:
             cells.append([name, "", "", state])
         for row in params:
-            first = (
-                [name, "\n".join(filter(None, (state, row["bound"])))] if alone else [f"  {row['param']}", row["bound"]]
-            )
-            cells.append([first[0], f"{row['value']} {row['unit']}".strip(), row["interval"] or "–", first[1]])
-    stated = any(row[3] for row in cells)
-    columns = [Column("Effect"), Column("Value", right=True), Column("95 % interval"), *([Column("Name")] * stated)]
+            head, note = f"  {row['param']}", row["bound"]
+            if alone:
+                head, note = name, "\n".join(filter(None, (state, row["bound"])))
+            cells.append([head, f"{row['value']} {row['unit']}".strip(), row["interval"] or "–", note])
+    columns = [Column("Effect"), Column("Value", right=True), Column("95 % interval")]
+    columns += [Column("Name")] if any(note for *_, note in cells) else []
     return Sheet(columns, [row[: len(columns)] for row in cells])
 
 
