@@ -38,7 +38,7 @@ def noise_of_blocks(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
     means = item.phase.means(item.path.wrench[None])[0, item.phase.resting]
     samples, m = item.period / np.median(np.diff(item.path.clock)), len(means)
     level = np.sqrt(0.5 * samples * np.mean(np.diff(means, axis=0) ** 2, axis=0))
-    return level, level * np.sqrt(3 * m - 4) / (2 * (m - 1))
+    return level, level * np.sqrt(3 * m - 4) / (2 * (m - 1))  # of von Neumann's estimate from m independent means
 
 
 def noise(item: ContactItem) -> np.ndarray:
@@ -70,7 +70,7 @@ def excess_noise(
     params = {}
     for name, part in PARTS.items():
         if more[part].any():
-            middle, wide = level[part].mean(), 1.96 * error[part].mean() / np.sqrt(3)
+            middle, wide = level[part].mean(), 1.96 * error[part].mean() / np.sqrt(3)  # of the mean of three channels
             levels = np.maximum(np.array([middle, middle - wide, middle + wide]) ** 2 - stated[part].mean() ** 2, 0.0)
             params[name] = Value(*np.sqrt(levels).tolist())
     placed = EffectInstance.of("wrench_noise", "flange")

@@ -52,11 +52,13 @@ class Expert:
         spiral = np.where(self.searching, radius, 0.0)[:, None] * np.stack([np.cos(self.angle), np.sin(self.angle)], 1)
         error = spiral - tip[:, :2]
         aligned = np.hypot(*(tip[:, :2]).T) < 0.0015
-        far = np.where(aligned, -0.006, HOVER - tip[:, 2])  # well above HOVER: not below it before the tip is aligned
+        # vertical offsets, m per policy step; above HOVER a tip that is not aligned is lowered to HOVER only
+        far = np.where(aligned, -0.006, HOVER - tip[:, 2])
         close = np.where(aligned, -0.003, 0.0)
         down = np.where(tip[:, 2] > HOVER + 0.002, far, close)
         down = np.where(self.searching, -0.002, np.where(inside, -0.006, down))
-        yielding = np.clip(0.5 * force[:, :2] / 20.0 * 0.003, -0.002, 0.002)  # in the hole, give way to its wall
+        # in the hole, give way to its wall by 0.075 mm per N, at most 2 mm
+        yielding = np.clip(0.5 * force[:, :2] / 20.0 * 0.003, -0.002, 0.002)
         lateral = np.where(inside[:, None], yielding, error)
         action = np.zeros((len(terms), len(DOF)))
         action[:, :3] = np.concatenate([lateral, down[:, None]], axis=1) / c.offset

@@ -27,7 +27,7 @@ from vispeg.view.drop import Drop
 from vispeg.view.job import Job
 from vispeg.view.place import Page, Place
 
-ROLES = ("fit", "judge on", "leave out", "remove")
+FIT, JUDGE, LEAVE_OUT, REMOVE = ROLES = ("fit", "judge on", "leave out", "remove")
 CHOOSE = "choose"
 WAY = ("Model and logs", "Where it fails", "What is missing", "Add it", "Take it away")
 LINES = 6  # number of log lines shown
@@ -127,13 +127,13 @@ class StudyPage(Page):
         """Add a recording and hold it out in place of the one held out so far; the first one is fitted."""
         if path not in self.roles:
             for other in self.roles.values():
-                other.value = ROLES[0] if other.value == ROLES[1] else other.value
+                other.value = FIT if other.value == JUDGE else other.value
             with self.chosen:
-                choice = self.place.gui.add_dropdown(path.name, ROLES, initial_value=ROLES[1], hint=str(path))
+                choice = self.place.gui.add_dropdown(path.name, ROLES, initial_value=JUDGE, hint=str(path))
                 choice.on_update(lambda _, path=path: self._role(path))
                 self.roles[path] = choice
             if len(self.roles) == 1:
-                self.roles[path].value = ROLES[0]
+                self.roles[path].value = FIT
         self._listed()
         self._guided()
 
@@ -300,13 +300,13 @@ class StudyPage(Page):
 
     def _role(self, path: Path) -> None:
         """Remove a recording if its role says so; if it was the held-out one, hold out the last of the others."""
-        if self.roles[path].value != ROLES[3]:
+        if self.roles[path].value != REMOVE:
             return
         judged = self._sides()[1]
         self.roles.pop(path).remove()
         if not judged and len(self.roles) > 1:
             last = next(reversed(self.roles))
-            self.roles[last].value = ROLES[1]
+            self.roles[last].value = JUDGE
         self._listed()
         self._guided()
 
@@ -455,7 +455,7 @@ class StudyPage(Page):
 
     def _sides(self) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
         """Return the fitted and the held-out recordings."""
-        fitted, held_out = (tuple(p for p, d in self.roles.items() if d.value == role) for role in ROLES[:2])
+        fitted, held_out = (tuple(p for p, d in self.roles.items() if d.value == role) for role in (FIT, JUDGE))
         return fitted, held_out
 
     def _file(self) -> Path:

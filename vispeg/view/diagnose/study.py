@@ -91,7 +91,7 @@ class Study:
         if progress is not None and len(self.channels) > 1:
             progress = part_of(progress, self.channel, given)
         looked_in, how = CHANNELS[self.channel], How()
-        fit, judge = (tuple(looked_in.read(rec, given, how) for rec in some) for some in both)
+        fit, judge = (tuple(looked_in.read(rec, given, how) for rec in side) for side in both)
         inputs = replace(inputs, world=looked_in.part(given), fitted=fit, held_out=judge)
         self.world = inputs.world
         # effects of the given model that this channel leaves out
@@ -131,9 +131,8 @@ class Study:
         self.scores = {key_of(s): s for s in scores}
         total = float(state.residual @ state.residual)
         candidates = [(size(s), Candidate(key_of(s), words(s), min(s.gain / max(total, 1e-12), 1.0))) for s in scores]
-        candidates.sort(
-            key=lambda at: (-round(at[1].share, 2), at[0])
-        )  # among equal shares, the fewest parameters first
+        # the largest share first, of equal ones that with the fewest parameters
+        candidates.sort(key=lambda at: (-round(at[1].share, 2), at[0]))
         self.tell("candidates", [candidate for _, candidate in candidates[:SHOWN]])
 
     def fit(self, key: str, anyway: bool = False) -> None:

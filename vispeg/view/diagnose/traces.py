@@ -26,7 +26,7 @@ class Traces:
     def __init__(self, place: Place):
         gui = place.gui
         self.place, self.standing, self.playing = place, None, False
-        self.visible, self.view, self.standing_there = True, ARM, True
+        self.visible, self.view, self.arm_visible = True, ARM, True
         self.arm: Drawing | None = None
         self.ghost: Drawing | None = None
         self.lock = threading.Lock()  # the user's model and the worker's may arrive at once
@@ -85,7 +85,7 @@ class Traces:
         self.ground.visible = visible
         if self.arm is not None:
             self.arm.show(visible)
-        self.standing_there = visible
+        self.arm_visible = visible
 
     def forget(self) -> None:
         """Drop the comparison; the arm stays."""
@@ -159,8 +159,8 @@ class Traces:
         self.view = CELL if cell else ARM
         colours = {name: (c[0], c[1], c[2]) for name, c in COLOURS.items()} if cell else {}
         self.ghost, self.arm = None, Drawing(scene, "/arm", model, colours=colours)
-        self.arm.show(self.standing_there)
-        if self.standing_there:
+        self.arm.show(self.arm_visible)
+        if self.arm_visible:
             self.place.look(self.view)
 
     @property
