@@ -202,9 +202,10 @@ def effects(call: Call, where: str | None = None, out: Path | None = None, overw
         from vispeg.api.library.effect_picture import draw_effect
 
         options = {"where": where, "robot": call.robot, "overwrite": overwrite}
-        drawn = [] if out is None else [draw_effect(call.name, out, **options).line]
+        drawn = None if out is None else draw_effect(call.name, out, **options).line
         print_effect(*chosen[0])
-        print(*drawn, sep="\n", end="\n" * len(drawn))
+        if drawn is not None:
+            print(drawn)
 
 
 @command()

@@ -76,7 +76,7 @@ def parse(command: Command, program: str, argv: Sequence[str]) -> Any:
 
 def repeated(argv: Sequence[str], flags: Collection[str]) -> list[str]:
     """Repeat a flag before each of its values, so that a pattern such as `rig-*` may expand to several values."""
-    out, flag, taken = list[str](), "", 0
+    out, flag, taken = list[str](), "", 0  # taken: number of values of the flag so far
     for word in argv:
         if word.startswith("--"):
             flag, taken = word.partition("=")[0], int("=" in word)

@@ -157,7 +157,8 @@ class Arm:
             part = np.where(before * way[turned] > 0.0, before / (before - then[turned, nj + j]), 0.0)
             stop = x[turned] + part[:, None] * (then[turned] - x[turned])
             back = np.abs(asked[turned] - stop @ needed) > friction
-            # for the rest of the interval friction acts in the other direction, or holds the joint
+            # for the rest of the interval friction acts in the other direction, or holds the joint; a constant torque
+            # adds to the angle in proportion to the square of the time left, and to the speed in proportion to it
             left = np.repeat([(1.0 - part) ** 2, 1.0 - part], nj, axis=0).T
             flipped = then[turned] + 2.0 * (friction * way[turned])[:, None] * left * push[:-1, -1]
             held_at = then[turned].copy()

@@ -217,7 +217,7 @@ def _refuse_flipped(force: np.ndarray, down: np.ndarray, r: Readings) -> None:
     n = len(down)
     fixed = float(np.sum((force - force.mean(axis=0)) ** 2))
 
-    # residual's squares of the least-squares fit f = b + m g, from the sums `total` (.., 3) of g and `along` of g . f
+    # sum of squared residuals of the fit f = b + m g, from the sums `total` (.., 3) of g and `along` of g . f
     def left(total, along):
         shared = along - total @ force.sum(axis=0) / n
         return fixed - shared**2 / (n - np.sum(total**2, axis=-1) / n)

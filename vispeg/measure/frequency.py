@@ -87,6 +87,7 @@ def _sweep(trace: Trace) -> list[Point]:
     # not every bin, as neighbours share their data; evenly spaced on a logarithmic scale
     goal = np.geomspace(f[use[0]], f[use[-1]], POINTS)
     pick = np.unique(use[np.abs(f[use][:, None] - goal).argmin(axis=0)])
+    # segments overlap by half, so about half of them are independent
     return [Point(float(f[k]), 0.0, complex(sxy[k] / sxx[k]), float(coherence[k]), AVERAGES // 2) for k in pick]
 
 

@@ -255,7 +255,7 @@ def _half_period(traces: Sequence[Trace]) -> float:
 
 
 def _noise(traces: Sequence[Trace]) -> float:
-    """Return the standard deviation of the angles' noise, rad."""
+    """Return the standard deviation of the angles' noise, rad: that of their second differences over sqrt(6)."""
     return float(np.median([np.std(np.diff(t.q, 2)) for t in traces])) / np.sqrt(6.0)
 
 
