@@ -71,7 +71,7 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     if place is None:
         refuse_drift(values, digit_of(readings, columns, function), readings.file, "friction")
     result = propagate(name, "1", lambda mu, *off: mu + law(*off) - nominal, [mean, *errors], rng, repeats=len(values))
-    count, lacking = (1, "place") if place is None else (len(np.unique(place)), "")  # `lacking`: a missing column
+    count, lacking = (1, "place") if place is None else (len(np.unique(place)), "")
     notes = [*short(len(values), REPEATS, "slide"), *short(count, PLACES, "place", lacking)]
     return Outcome((result,), tuple(notes), by_place(values, place))
 

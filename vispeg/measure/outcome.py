@@ -38,15 +38,15 @@ def by_place(values: np.ndarray, place: np.ndarray | None) -> Mapping[str, objec
     return {"places": rows}
 
 
-def short(count: int, wanted: int, thing: str, unsaid: str = "") -> list[str]:
+def short(count: int, wanted: int, thing: str, lacking: str = "") -> list[str]:
     """Word a note if there are fewer of a thing (named in the singular) than the protocol requires.
 
     Args:
         count, wanted: the number of things, and the number that the protocol asks for.
         thing: what is counted, in the singular.
-        unsaid: name of a column that the table lacks and that would distinguish several of the things; else "".
+        lacking: name of a column that the table lacks and that would distinguish several of the things; else "".
     """
     if count >= wanted:
         return []
-    single = f"1 {thing}, as there is no column '{unsaid}'" if unsaid else f"1 {thing}"
+    single = f"1 {thing}, as there is no column '{lacking}'" if lacking else f"1 {thing}"
     return [f"{single if count == 1 else f'{count} {thing}s'}; the protocol asks for {wanted}"]

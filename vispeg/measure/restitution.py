@@ -54,8 +54,8 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     result = propagate(
         "restitution", "1", lambda e, *off: e * law(*off) / nominal, [mean, *errors], rng, repeats=len(values)
     )
-    count, unsaid = (1, "drop") if groups is None else (len(np.unique(groups)), "")
-    notes = [*short(len(values), DROPS, "drop"), *short(count, HEIGHTS, "height", unsaid)]
+    count, lacking = (1, "drop") if groups is None else (len(np.unique(groups)), "")
+    notes = [*short(len(values), DROPS, "drop"), *short(count, HEIGHTS, "height", lacking)]
     rows = []
     for height in () if groups is None else np.unique(groups):
         v = values[groups == height]

@@ -108,8 +108,8 @@ def run(
     tick, n, nsim = 1.0 / control.rate_hz, len(ee_cmd), len(worlds)
     nsub = max(1, math.ceil(tick / h_max - 1e-9))
     ticks, still = np.arange(n), np.tile(q, (n, 1))
-    motion = {"q": still, "dq": np.zeros_like(still), "q_raw": still}
-    segment = Segment(control, tick, {"ee_cmd": ee_cmd}, **motion, time=ticks * tick, rows=ticks)
+    rest = np.zeros_like(still)
+    segment = Segment(control, tick, {"ee_cmd": ee_cmd}, q=still, dq=rest, q_raw=still, time=ticks * tick, rows=ticks)
     rows, nominal = Rows([segment], nsim), nominal_of(scene.nominal, nsim, nthread)
     law = Controller(scene.nominal, rows, nominal, rows.by_tick(lambda s: s.q), along=False)
     start = np.tile(q, (nsim, 1))
