@@ -10,7 +10,6 @@ import numpy as np
 from scipy import stats
 
 from vispeg.contact.evidence import ContactEvidence
-from vispeg.contact.selection.alike import free_lacking, refitted
 from vispeg.contact.selection.form import form
 from vispeg.contact.selection.likely import intervals
 from vispeg.contact.selection.profile import (
@@ -28,7 +27,6 @@ from vispeg.core.rules import RULES
 from vispeg.diagnosis.findings import Score, Trial
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.scale import floors
-from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.cross import Cross
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.loop import Loop
@@ -40,7 +38,6 @@ from vispeg.worlds.world import World
 
 SHORT = 4  # iterations of a fit that competes with others
 NONE = -1e300  # gain of a size that changes nothing, finite for JSON
-SCENE = ("contact", "task")  # families of what stands in the cell
 
 
 class ContactSearch(Loop):
@@ -136,7 +133,6 @@ class ContactSearch(Loop):
             return False
         while remove_unneeded(self, state):
             pass
-        refitted(self, state)
         self.bound(state)
         while remove_uncertain(self, state):
             self.bound(state)
@@ -201,23 +197,10 @@ class ContactSearch(Loop):
         trials = self.try_all(state, scores[: RULES.contact_fitted], tested)
         best = min(trials, key=lambda t: float(t.loss.sum()))
         if len(trials) < 2 or self.judge.mean(best.loss) < RULES.adequate:
-            return self.of_cell_first(state, trials)
+            return trials
         pairs = self.pairs(trials)
         trials = trials + (self.try_all(state, pairs, tested) if pairs else [])
-        return self.of_cell_first(state, sorted(trials, key=lambda t: (bool(t.rejected), float(t.loss.sum()))))
-
-    def of_cell_first(self, state: State, trials: list[Trial]) -> list[Trial]:
-        """Order trials that another motion would distinguish: effects of the cell before effects of the arm."""
-        first, without = trials[0], self.judge.mean(state.loss)
-        if first.rejected or effect(first.score.placed.effect).family in SCENE:
-            return trials
-        near = effect(first.score.placed.effect).told_from
-        for t in trials[1:]:
-            same = t.score.placed.effect in near and effect(t.score.placed.effect).family in SCENE
-            if same and not t.rejected and not t.score.beside:
-                if equal(self.judge, t.loss, first.loss, without, self.evidence.alike):
-                    return [t, *(other for other in trials if other is not t)]
-        return trials
+        return sorted(trials, key=lambda t: (bool(t.rejected), float(t.loss.sum())))
 
     def scored(self, state: State) -> list[Score]:
         """Return the best size of each effect added to a state.
@@ -336,7 +319,7 @@ class ContactSearch(Loop):
         least = RULES.promise * self._gain_of(state.world, placed)
         best = [s for s in strongest(self.probed(state.world, near))[: RULES.contact_fitted] if s.gain > least]
         for s in best:
-            free_lacking(self, placed, s.placed)
+            self.evidence.absent = self.evidence.absent - lacking(placed, s.placed)
         return best, len(where)
 
     def _gain_of(self, world: World, placed: EffectInstance) -> float:
@@ -349,3 +332,17 @@ class ContactSearch(Loop):
 def _fitted(trial: Trial) -> EffectInstance:
     e = trial.fit.world.effects[-1]
     return EffectInstance.of(e.effect, e.where, **{k: v.value for k, v in e.params.items()})
+
+
+def lacking(placed: EffectInstance, rival: EffectInstance) -> set[tuple[str, str]]:
+    """Return the (effect, parameter) pairs that a competitor must free: it has them, and leaves them at null.
+
+    They are the parameters that `placed` uses, if the two effects are nearly confounded. A screen tries each parameter
+    separately, and may free one of one effect and not of the other: a grip compliant along x alone cannot compete with
+    a fixture compliant along x and y.
+    """
+    kind = effect(rival.effect)
+    if rival.effect == placed.effect or not told_apart_by(placed.effect, rival.effect):
+        return set()
+    acts = [k for k, v in placed.params.items() if v.value != effect(placed.effect).params[k].null]
+    return {(kind.name, k) for k in acts if k in kind.params and rival.params[k].value == kind.params[k].null}
