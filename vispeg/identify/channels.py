@@ -94,7 +94,7 @@ class Item:
 
     @property
     def nj(self) -> int:
-        """Number of joints; the first nj columns are the principal channel."""
+        """Number of joints; of an arm's item the first nj columns are the principal channel."""
         return len(self.recording.joints)
 
     @property

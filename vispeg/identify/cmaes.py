@@ -38,6 +38,7 @@ def minimise(
 
     # a stream of its own, since other optimizers run in threads at the same time and would share NumPy's global one
     randn = np.random.RandomState(int(rng.integers(1, 2**31))).randn
+    # seed nan: the global stream is not seeded
     options = {"bounds": [low.tolist(), high.tolist()], "seed": np.nan, "randn": randn, "verbose": -9}
     if len(start) == 1:
         options["maxstd"] = np.inf  # cma 4.5 limits the step to a third of the bounds, which fails with one coordinate

@@ -3,7 +3,7 @@
 The wrist wrench gives the contact wrench W on the tool (`vispeg.sim.touch`). With the Jacobian J along the measured
 motion, J' W are joint torques that act on the simulated arm as on the real one, so that both move alike afterwards.
 During contact the force sensor's error would enter, so those samples are excluded, and so are the following ones until
-the arm's null space has forgotten the contact. Without contact the wrench has no influence at all.
+the controller has removed the effect of the contact on the posture. Without contact the wrench has no influence at all.
 """
 
 from __future__ import annotations

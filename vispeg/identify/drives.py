@@ -28,7 +28,7 @@ from vispeg.sim.placement import activate
 from vispeg.worlds.world import World
 
 SPEED_HZ = 40.0  # bandwidth of velocities computed from angles, where none were recorded
-LEAST = 2.0  # s: shorter parts without a loss of control are not used alone (`without_runaway`)
+LEAST = 2.0  # s: where the arm is lost, a part of an episode before or after it must be longer (`without_runaway`)
 ROWS = 4096  # postures whose gravity torques are computed at a time
 
 
@@ -122,7 +122,7 @@ class Drives:
     def __init__(self, recordings: Sequence[Recording]):
         known = {i: d for i, d in enumerate(map(with_drive_torque, recordings)) if d is not None}
         self.recordings = [recordings[i] for i in known]
-        self.evidence = TorqueEvidence([*known.values()], np.ones(len(recordings[0].joints))) if known else None
+        self.evidence = TorqueEvidence([*known.values()], noise=np.ones(len(recordings[0].joints))) if known else None
         self.items = [] if self.evidence is None else self.evidence.items
         self.which = [*range(len(self.items))]
         self.measured = all(r.control.mode in ("unknown", "servo") for r in recordings)

@@ -65,7 +65,7 @@ class Evidence(Freedom):
     """
 
     def __init__(self, recordings: Sequence[Recording], *, h_max: float = 1e-3, nthread: int = 1):
-        large_apart()
+        large_apart()  # memory of large arrays goes back to the system when they are freed
         sound = [without_runaway(rec, nominal_robot(rec), 2.0 * _settle(rec)) for rec in recordings]
         self.recordings, self.nthread = [torque_if_saturated(rec, robot_of(rec)) for rec in sound], nthread
         self.h_max = h_max
@@ -76,7 +76,7 @@ class Evidence(Freedom):
         groups: dict[tuple, list[int]] = {}
         for i, item in enumerate(self.items):
             c = item.recording.control
-            key = (id(item.robot), c.mode, c.rate_hz, c.nullspace is None or id(c.nullspace))
+            key = (id(item.robot), c.mode, c.rate_hz, id(c.nullspace))
             groups.setdefault(key, []).append(i)
         self.groups = list(groups.values())
         self.notes = [_used(rec, n) for rec, n in zip(recordings, strides, strict=True) if rec.chosen or n > 1]

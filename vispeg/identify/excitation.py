@@ -264,7 +264,10 @@ def room_of(
     seven = nj == 7 and centre is None and bool((np.abs(np.array(SEVEN_AXIS_CENTRE) - mid) < share * half).all())
     at = np.array(SEVEN_AXIS_CENTRE) if seven else mid if centre is None else np.asarray(centre, float)
     if at.shape != (nj,) or (np.abs(at - mid) >= share * half).any():
-        raise UserError("the centre posture must lie inside the position limits", got=list(at))
+        raise UserError(
+            f"the centre posture must lie well inside the position limits, in the middle {100 * share:g} %",
+            got=list(at),
+        )
     reach = np.minimum(share * half - np.abs(at - mid), SEVEN_AXIS_REACH if seven else 0.4 * half)
     limit = np.asarray(robot.velocity_limit, float)
     speed = share * np.where(np.isfinite(limit) & (limit > 0.0), limit, 2.0)

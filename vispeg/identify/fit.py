@@ -166,7 +166,7 @@ def fit_job(
             return _summary(evidence, space, np.array(ended[0], float), ended[1], Point(space, submit, columns=columns))
         low, high = space.bounds
         candidates = [space.start] + [Space(w, free, evidence).start for w in starts]
-        candidates = [np.clip(u, low + 1e-9, high - 1e-9) for u in candidates]
+        candidates = [np.clip(u, low + 1e-9, high - 1e-9) for u in candidates]  # least squares starts strictly inside
         if method == "cma":
             candidates.append(_cma(space, candidates[0], submit, iterations * 10, rng, trace))
         best = candidates[0]

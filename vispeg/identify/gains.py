@@ -55,7 +55,7 @@ def bearable(mobility: np.ndarray, kd: np.ndarray, rate_hz: float) -> np.ndarray
 
 def postures(robot: RobotModel, centre: np.ndarray) -> np.ndarray:
     """Return postures (1 + POSTURES, nj) rad: `centre`, and others spread around it by a Halton sequence."""
-    reach = room_of(robot, 100.0, 1.0).reach
+    reach = room_of(robot, rate_hz=100.0, duration=1.0).reach  # it depends on neither
     spread = 2.0 * qmc.Halton(len(centre), scramble=False).random(POSTURES) - 1.0
     return np.concatenate([centre[None], centre + reach * spread])
 

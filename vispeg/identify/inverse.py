@@ -116,8 +116,8 @@ class TorqueEvidence(Evidence):
         item, seg = self.items[i], self.items[i].segment
         needed, dry, beside, loop = self._parts(i, world)
         needed = needed if beside is None else needed - beside
-        slip = np.where(np.abs(seg.dq) < STANDS, 1.0, 0.0)
-        ends = [dry * ((1 - slip) * np.tanh(seg.dq / STICK) + side * slip) for side in (-1.0, 1.0)]
+        still = np.where(np.abs(seg.dq) < STANDS, 1.0, 0.0)
+        ends = [dry * ((1 - still) * np.tanh(seg.dq / STICK) + side * still) for side in (-1.0, 1.0)]
         low, high = (loop.inverse(needed + end, item.recording.torque_sensor) for end in ends)
         return low, high
 
@@ -134,6 +134,7 @@ class TorqueEvidence(Evidence):
         for a in active:
             a.effect.write(fields, a.p)
         dof, joint, spring = fields.dofs, fields.joints, fields.qposes
+        # the links' torque contains the model's own rotor inertia; that of the world is added below
         load = self._links(i, world) - compiled(robot).dof_armature[dof] * ddq
         # MuJoCo's springs and dampers: polynomials with a linear, a square and a cubic term
         turn, (square, cube) = seg.q - fields["qpos_spring"][0, spring], compiled(robot).jnt_stiffnesspoly[joint].T
@@ -142,7 +143,7 @@ class TorqueEvidence(Evidence):
         drag = seg.dq * (fields["dof_damping"][0, dof] + speed * (square + speed * cube))
         needed = load + fields["dof_armature"][0, dof] * ddq + drag
         clock = (seg.begun + seg.time)[:, None]
-        x = DriveState(1e-3, 1e-3, seg.q, seg.dq, ddq, load, np.ones_like(needed), clock)
+        x = DriveState(1e-3, 1e-3, seg.q, seg.dq, ddq, load, np.ones_like(needed), clock)  # steps and inertia unused
         dry = np.broadcast_to(fields["dof_frictionloss"][0, dof], needed.shape).copy()
         loop = EffectLoop(active)
         return needed, loop.friction(x, dry), loop.along(x, seg.cache["path"], seg.cache["at"]), loop
@@ -176,7 +177,7 @@ def rigid_body(robot: RobotModel, world: World, q: np.ndarray, dq: np.ndarray) -
     for name in RIGID & fields.touched:
         owner = model.opt if name.startswith("opt.") else model
         getattr(owner, name.removeprefix("opt."))[:] = fields[name][0]
-    mujoco.mj_setConst(model, mujoco.MjData(model))  # else inertias of a body whose axes were its own are ignored
+    mujoco.mj_setConst(model, mujoco.MjData(model))  # updates `body_sameframe`: else some changed frames are ignored
     for name in ("jnt_stiffness", "jnt_stiffnesspoly", "dof_damping", "dof_dampingpoly"):
         getattr(model, name)[:] = 0.0
     return InverseDynamics(model, robot.joints).terms(q, dq)

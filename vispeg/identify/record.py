@@ -103,7 +103,7 @@ def record(
     sensed = None
     if added.get("q", 0.0) > 0 and rounds(world):
         sigma = np.full((repeat, len(robot.joints)), added.pop("q"))
-        sensed = ReadingNoise(sigma, np.zeros_like(sigma), rng, sensed=True)
+        sensed = ReadingNoise(q=sigma, dq=np.zeros_like(sigma), rng=rng, sensed=True)
     segment, response = drive(world, motion, control, nthread, want_ee=True, sensed=sensed)
     if response.true is not None:
         watch(response.true[0])

@@ -95,7 +95,7 @@ def with_intervals(evidence: Restarts, world: World, free: Sequence[int], rng: n
         if last or (inside and np.all(box < BOX * _step_sizes(space, u))):
             break
         world = space.at(at)
-        if inside:
+        if inside:  # 0.99: narrower than the first
             box = np.clip(ends[1] - ends[0], NARROW * box, 0.99 * BOX * _step_sizes(space, u))
     effects: list[EffectInstance] = list(world.effects)
     for j, axis in enumerate(space.axes):

@@ -33,8 +33,8 @@ def torque_if_saturated(rec: Recording, robot: RobotModel) -> Recording:
 def saturated(rec: Recording, robot: RobotModel) -> np.ndarray:
     """Return the joints whose drive is saturated most of the time, (nj,) bool.
 
-    In such a joint the loop mostly asks for far more than the motion needs, and then the drive gives its limit, which
-    way it is asked: on average, the torque that the motion takes that way is more than its scatter.
+    In such a joint the loop mostly asks for far more than the motion needs, and then the drive gives its limit in the
+    direction asked: the torque that the motion needs in that direction is on average larger than its scatter.
     """
     parts = [_torques(rec, robot, s) for s in segments(rec)]
     if not parts:

@@ -134,5 +134,6 @@ def _half_widths(space: Coordinates, gap: np.ndarray, slope: np.ndarray, samples
     spread = ((gradients @ axes[:, informative]) ** 2).sum(axis=0) / scale[informative] * pieces / (pieces - 1)
     correlated = max(float(spread.mean()), 1.0)  # so many errors count as one
     norm, prior = _norms(gap).mean(), np.diag(_prior(space, gap, samples))
+    # errors have variance norm^2 / samples, and `hessian` is divided by the norm already
     information = hessian * samples / (norm * correlated) + prior * samples / norm
     return student.ppf(0.975, pieces - 1) * np.sqrt(np.diagonal(np.linalg.inv(information)))

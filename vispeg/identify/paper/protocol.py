@@ -126,7 +126,7 @@ class Coordinates:
     """Parameters of the protocol as a vector in typical sizes: tilt (2), link masses (nj), damping (nj).
 
     Attributes:
-        world: the given model, without effects at `all` places that `placed` holds at each.
+        world: the given model without those effects at `all` places, which `placed` holds for each place.
         axes: effect, place, parameter and typical size of each coordinate.
         placed: (effect, place) -> the given model's effect there or at `all` places, at null if it lacks both.
     """

@@ -133,6 +133,7 @@ def _stepped(
         here = space.at(u)
         at = [misplacement(predictor.geometry, s, here, p) for s, p in zip(sights, points, strict=True)]
         noise = max(noise_of(np.concatenate(at)), 0.15)  # px
+        # matrix and right side of the normal equations, first of the prior
         normal, along = np.eye(len(u)) / LOOSE**2, (null - u) / LOOSE**2
         steps = space.steps(u)
         for s, p, r in zip(sights, points, at, strict=True):

@@ -41,7 +41,7 @@ class BorderEvidence(Evidence):
     """
 
     floor_from = "scatter about the aligned model, and shifts of edges due to appearance"
-    changes_in = "px"
+    changes_in = "px"  # unit of `least_change`
 
     def __init__(
         self,

@@ -62,7 +62,7 @@ class LightFigures:
         self.shots = [s for s in shots if s.rgb is not None]
         pictures = [s.rgb for s in self.shots if s.rgb is not None]
         self.links: Links = links_of(self.shots)
-        self.still = [_smooth(p) for p in pictures]
+        self.smooth = [_smooth(p) for p in pictures]
         self.measured = self._figures(pictures, pictures, 0.0)
 
     def modelled(self, world: World) -> np.ndarray:
@@ -79,10 +79,10 @@ class LightFigures:
         """Return the measured pictures, smoothed, with a world's noise instead of their own."""
         noise = world.only(lambda e: e.effect == NOISE)
         if not noise.effects:
-            return self.still
+            return self.smooth
         out = []
-        for shot, still in zip(self.shots, self.still, strict=True):
-            out.append(through_sensor(noise, replace(shot.rendering, rgb=still), SEED + shot.number)[0])
+        for shot, smooth in zip(self.shots, self.smooth, strict=True):
+            out.append(through_sensor(noise, replace(shot.rendering, rgb=smooth), SEED + shot.number)[0])
         return out
 
     def _figures(self, pictures: Sequence[np.ndarray], grain: Sequence[np.ndarray], seconds: float) -> np.ndarray:

@@ -62,7 +62,7 @@ class Links:
             a, b = x[rows] - x[rows].mean(), e[rows] - np.median(e[rows])
             keep = np.abs(b) < 1.0  # a factor of two is a change of shadow, not vignetting
             spread = float(a[keep] @ a[keep])
-            if spread > 0.003 * keep.sum():
+            if spread > 0.003 * keep.sum():  # less variance of `fall` shows no slope
                 out[f] = float(a[keep] @ b[keep]) / spread
         return out
 

@@ -119,7 +119,7 @@ def fields(item: Item) -> np.ndarray:
 
 
 def likelihoods(parts: Sequence[Columns], sizes: Sequence[tuple[float, float]]) -> list[float]:
-    """Return the restricted log likelihood of each (robot, field) from cross products of columns; C^-1: `nuisance`."""
+    """Return the restricted log likelihood of each (robot, field), from cross products of the columns."""
     products = []
     for c in parts:
         columns = np.column_stack([c.common, c.joints, c.field, c.fixed, c.readings])

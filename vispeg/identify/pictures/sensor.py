@@ -78,7 +78,7 @@ class SensorEvidence(Evidence):
 
     floor_from = "scatter between frames, and the repeatability of a calibration"
     settled = World()
-    least_change, changes_in = 1.0, "times what is ordinary"
+    least_change, changes_in = 1.0, "times what is ordinary"  # and its unit
 
     def __init__(self, scene: Scene, items: Sequence[FigureItem], kind: Kind):
         self._scene, self.items, self.kind = scene, list(items), kind
