@@ -124,7 +124,7 @@ def _shrunk(world: World, free: Sequence[int], share: float) -> World:
 
 
 def _draw(space: Space, rng: np.random.Generator) -> np.ndarray:
-    """Return coordinates of a random start: linear magnitudes up to four typical sizes from null, all else in bounds."""
+    """Return coordinates of a random start: linear magnitudes up to 4 typical sizes from null, all else in bounds."""
     low, high = space.bounds
     return np.array([_draw_one(space, a, lo, hi, rng) for a, lo, hi in zip(space.axes, low, high, strict=True)])
 

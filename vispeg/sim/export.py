@@ -226,7 +226,7 @@ def _read_from(spec: mujoco.MjSpec, folder: str) -> dict[str, bytes]:
 def free_name(start: str, name: str, end: str, taken: Collection[str]) -> str:
     """Return the path `start` `name` `end`, numbered if it is taken.
 
-    Slashes in a name, which is a stranger's, do not lead to other folders.
+    Slashes in a name become hyphens, as it comes from a user's file and must not lead to another folder.
     """
     plain = start + re.sub(r"[/\\]", "-", name)
     return next(path for k in count() if (path := f"{plain}-{k}{end}" if k else plain + end) not in taken)

@@ -59,7 +59,7 @@ class EffectLoop:
         self.frictions = [a for a in active if a.effect.overrides("friction")]
         self.torques = [a for a in active if a.effect.overrides("torque")]
         self.senses = [a for a in active if a.effect.overrides("observe")]
-        # what a servo's own loop reads: sensor effects with a state (noise, delay, gaps) are those of logged readings
+        # what a servo's own loop reads: sensor effects with a state (noise, delay, gaps) act on logged readings
         self.inside = [a for a in self.senses if a.effect.family == "joint" or not a.effect.overrides("start")]
         self.wrists = [a for a in active if a.effect.overrides("wrench")]
         self.inverses = [a for a in active if a.effect.overrides("inverse")]

@@ -105,7 +105,7 @@ class Plant:
         self.qpos[:, self.qadr] = q
         self.qvel[:, self.vadr] = dq
         self.half = np.zeros_like(self.acc)
-        self.first, self.pushed = True, False
+        self.first, self.pushed = True, False  # pushed: `applied` is not 0 any more and must be written
         clock = np.zeros((self.nsim, 1)) + begun
         still = np.zeros_like(self.acc)
         self.x = DriveState(self.h, self.tick, q.copy(), dq.copy(), still, weight.copy(), inertia, clock)

@@ -165,7 +165,8 @@ class _Run:
                 if sub:
                     plant.read()
                 motor = plant.step(command if self.servos is None else self.servos.torque(command), hold)
-                if self.servos is not None and not sub:  # a torque is a mean over its step; at the tick, of both sides
+                # a servo's torque is a mean over its step; at the tick it is the mean of the steps before and after
+                if self.servos is not None and not sub:
                     out[3, k] = 0.5 * (out[3, k] + motor)
             for i in ends.get(k, ()):
                 self._end(i)

@@ -95,6 +95,7 @@ def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = Non
     depth = None
     if scene is not None:
         tip, velocity = tip - scene.target, velocity.copy()
+        # m below the goal's plane; -1 where the tip is not over the goal
         depth = np.where(np.hypot(tip[:, 0], tip[:, 1]) < scene.config.apothem, -tip[:, 2], -1.0)
     noise = wrench_noise(rec.noise)
     th = thresholds or Thresholds()

@@ -15,7 +15,7 @@ from vispeg.recordings.recording import Control, Recording
 EXTERNAL = "external"  # key in `Segment.cache`: (n, nj) N m, external torques on the links at the control ticks
 START_HZ = 20.0  # bandwidth of the motion that gives a closed loop its start state
 SERVO_TICK = 2.5e-3  # s, greatest spacing of the instants at which a new goal may reach a servo
-NEAR = 0.05  # ticks between a sample and the tick at which it was taken: jitter, and times since 1970 hold 0.2 us
+NEAR = 0.05  # ticks by which a sample may be off its own tick: jitter, and the 0.2 us steps of times since 1970
 HELD_HZ = 40.0  # bandwidth of the observer's reference motion, high enough to keep its corners
 DEGREE = 3  # of the polynomial whose value at its left end is the start state
 FEWEST = 2 * (DEGREE + 3)  # readings in a window: twice the coefficients of the polynomial with two more degrees
