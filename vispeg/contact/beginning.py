@@ -112,4 +112,4 @@ def _weight(scene: Scene, path: Path, rest: slice) -> np.ndarray:
 
 
 def _newtons(force: np.ndarray) -> str:
-    return ", ".join(f"{f:.1f}" for f in np.round(force, 1) + 0.0)
+    return ", ".join(f"{f:.1f}" for f in np.round(force, 1) + 0.0)  # + 0.0: no -0.0

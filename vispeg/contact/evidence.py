@@ -116,7 +116,10 @@ class ContactEvidence(Evidence):
         return max(min(1.0, cost * self.lasting / self.correlated), cost)
 
     def frees(self, kind: Effect, name: str) -> bool:
-        """Return whether a parameter may be fitted: those with trial sizes, except those found to be absent."""
+        """Return whether a parameter may be fitted: not if it was found to be absent.
+
+        Of an effect with trial sizes only those with sizes, and those `beside` them, may.
+        """
         tried = name in kind.sizes or name in kind.beside or not kind.sizes
         return tried and (kind.name, name) not in self.absent
 

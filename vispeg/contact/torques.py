@@ -18,7 +18,7 @@ from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.differentiate import episodes
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
-from vispeg.sim.external import STILL, External, external
+from vispeg.sim.external import PRIOR, STILL, External, external
 
 AXES = ("x", "y", "z")
 
@@ -42,7 +42,7 @@ def estimated(rec: Recording, scene: Scene) -> tuple[Recording, External]:
 
 
 def calm(rec: Recording, estimate: External) -> Recording:
-    """Return the wrench with its noise per sample, for detecting contact."""
+    """Return the recording with the noise of the estimated wrench per sample as stated noise, for detecting contact."""
     read = np.isfinite(estimate.wrench.sum(axis=1))
     runs = episodes(rec.time, rec.episode)
     starts = [rows[(rec.time[rows] <= rec.time[rows[0]] + STILL) & read[rows]] for rows in runs]
@@ -69,9 +69,8 @@ def _blind(columns: np.ndarray) -> str:
     """Return which directions (6, k), N and N m, are unobservable, in words."""
     words = []
     for column in columns.T[np.abs(columns).max(axis=0) > 0]:
-        scaled = column / np.repeat([100.0, 10.0], 3)
-        k = int(np.argmax(np.abs(scaled)))
-        words.append(f"the {'force' if k < 3 else 'torque about'} {AXES[k % 3]}".replace("force ", "force along "))
+        k = int(np.argmax(np.abs(column / PRIOR)))
+        words.append(f"the {'force along' if k < 3 else 'torque about'} {AXES[k % 3]}")
     return f"{' and '.join(dict.fromkeys(words))} cannot be observed (the arm is near a singularity)"
 
 

@@ -39,7 +39,7 @@ class Nuisance:
     Attributes:
         columns: (n, j) columns of A, over all blocks and channels of one item, or of several one after another.
         kinds: (j,) kind of each column, an index of `KINDS`.
-        whitener: its covariance.
+        whitener: whitens by its covariance.
     """
 
     columns: np.ndarray

@@ -33,8 +33,8 @@ def entangled(fit: Fit | None, n_fixed: int) -> list[Together]:
 
     The information matrix, scaled to a diagonal of ones, shows them: along an eigenvector whose eigenvalue is near 0
     the parameters may move together while the residual stays. For two parameters, this eigenvalue is one minus the
-    absolute value of their correlation. Part of it are those with half of their variance along it. Source: Belsley, Kuh
-    and Welsch 1980, Regression Diagnostics, chapter 3.
+    absolute value of their correlation. A set consists of the effects of the parameters that have more than half of
+    their variance along one. Source: Belsley, Kuh and Welsch 1980, Regression Diagnostics, chapter 3.
     """
     if fit is None or not len(fit.u):
         return []

@@ -92,7 +92,7 @@ def intervals(evidence: ContactEvidence, fit: Fit) -> tuple[World, np.ndarray]:
         ends = [fit.u[i]]
         for ray, points in zip(ways.rays, ways.points, strict=True):
             if ray.axis == i:
-                # a rise above the least residual on any ray, which may be below the fit's
+                # as far above the least residual on any ray, which may be below the fit's; at least a share of the rise
                 level = ray.rise * max(1.0 + ways.least / ray.rise, RULES.interval_less)
                 ends.append(fit.u[i] + _end(points, level) * ray.direction[i])
         values = [fit.space.backward(float(np.clip(e, low[i], high[i])), axis) for e in ends]

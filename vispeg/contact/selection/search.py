@@ -257,7 +257,7 @@ class ContactSearch(Loop):
 
     def confirms(self, cost: float = 1.0) -> float:
         """Return the drop of the held-out squared residual that an absent effect reaches once in 100 times."""
-        return self.beyond(cost, float(stats.chi2.isf(2 * RULES.contact_level, 1)))
+        return self.beyond(cost, float(stats.chi2.isf(2 * RULES.contact_level, 1)))  # one-sided
 
     def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
         """Return why a trial must be refused, by two likelihood ratios; "" if it passes.
