@@ -121,7 +121,9 @@ def diagnose_contact(
     fitted_world = state.world.add(*hit.effects)
     rests = [*remainder(evidence, state.world), *remainder(judged, state.world, held_out=True)]
     in_floors = (errors[0] / judged.floor, errors[1] / judged.floor)
-    verdict = in_phases(decide(before, after, len(fitted_world.effects) - n_fixed, rivals, depends=[], errors=in_floors), rests)
+    verdict = in_phases(
+        decide(before, after, len(fitted_world.effects) - n_fixed, rivals, depends=[], errors=in_floors), rests
+    )
     wrong = of_form(evidence, state.fit, judge.mean(judge.losses([begin.bare])[0]), after)
     corrected = widened(repeated(state.world, n_fixed), range(n_fixed, len(state.world.effects)), wrong).add(
         *hit.effects

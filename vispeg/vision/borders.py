@@ -16,7 +16,8 @@ from vispeg.vision.geometry import Geometry
 from vispeg.vision.predict import Rendering
 
 HALVINGS = 7  # of the step of 1 px between two pixels: a border is located to 1/128 px
-REACH = 6.0  # px, radius of the neighbourhood that gives the direction of a border: a smaller one follows round corners
+# px, radius of the neighbourhood that gives the direction of a border: a smaller one would bend with it at corners
+REACH = 6.0
 STRAIGHT = 0.25  # px RMS off a line beyond which the neighbourhood contains a corner, so that it has no direction
 FREE = 12.0  # px, distance along a normal within which other borders are searched
 CREASE = 3.0  # px from a border within which an edge of the picture may come from a crease of one of its surfaces

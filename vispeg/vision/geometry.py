@@ -77,8 +77,8 @@ class Geometry:
         self.eyes: dict[str, Eye] = {}
         for c in self.cameras:
             row = self._rows[c.name]
-            there = any((getattr(self.model, n)[row] != self._nominal[n][row]).any() for n in PLACES[2:])
-            camera = model_camera.read(self.model, row, c) if there and row is not None else c
+            moved = any((getattr(self.model, n)[row] != self._nominal[n][row]).any() for n in PLACES[2:])  # cam_*
+            camera = model_camera.read(self.model, row, c) if moved and row is not None else c
             self.eyes[c.name] = Eye(camera, c, lens_of(world, c.name), delay_of(world, c.name))
         offset = values(effect("encoder_offset"), [world.effects], self.scene)
         self.offsets = next(iter(offset.values()))[0]

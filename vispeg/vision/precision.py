@@ -54,7 +54,7 @@ TIMED = (  # in the order of `_of_time`
     Number("camera_delay", "delay", DELAY_STEP, 2e-3, "ms", 1e3),
     Number("rolling_shutter", "readout", DELAY_STEP, 4e-3, "ms", 1e3),
 )
-STEP = 1e-5  # m, of the finite difference that moves such an object
+STEP = 1e-5  # m, of the finite difference that moves an object of the scene
 ROBOT_M, ROBOT_RAD = 1e-4, 3.5e-4  # m, rad, sigma with which an arm comes back to a pose
 BORDER = 1.5  # px, sigma of a border point: 0.3 px, times the root of 25 neighbours that share their error
 # Sigma of what is known of each parameter beforehand, in its own unit (1, px, m, rad, s), by the unit of its report:

@@ -50,13 +50,13 @@ def search(picture: np.ndarray, borders: Borders, window: float = 8.0, noise: fl
     size, s = steps_along(profiles(picture, borders, s), SMOOTH), s[half:-half]
     low, high = (np.minimum(window, np.maximum(1.0, SHARE * borders.free[:, k])) for k in (0, 1))
     inside = (s >= -low[:, None] - 1e-9) & (s <= high[:, None] + 1e-9)
-    prior = np.exp(-0.5 * (s / (0.7 * window)) ** 2)
+    prior = np.exp(-0.5 * (s / (0.7 * window)) ** 2)  # favours a step near the prediction
     peak = np.zeros_like(inside)
     peak[:, 1:-1] = (size[:, 1:-1] >= size[:, :-2]) & (size[:, 1:-1] > size[:, 2:])
     score = np.where(inside & peak, size * prior, 0.0)
     best, rows = score.argmax(1), np.arange(n)
     strength = np.where(score[rows, best] > 0, size[rows, best], 0.0)
-    # samples closer than a pixel are not independent
+    # of three colours together; samples closer than a pixel are not independent
     grain = noise * np.linalg.norm(_kernel(SMOOTH)) * np.sqrt(STEP * 3 / len(BESIDE))
     good = strength > max(RULES.edge_step, RULES.edge_times * grain)
     along = np.where(good, s[best] + _finer(picture, borders, s[best]), np.nan)

@@ -106,6 +106,7 @@ class Camera:
 
         Lens distortion is taken into account: the rays are those along which light arrives.
         """
+        # cached for cameras of any name and pose
         return _rays(self.moved(name="any", parent="any", pos=(0, 0, 0), quat=(1, 0, 0, 0)))
 
     def points(self, depth: np.ndarray) -> np.ndarray:
