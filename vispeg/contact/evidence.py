@@ -68,7 +68,7 @@ class ContactEvidence(Evidence):
 
     @property
     def alike(self) -> float:
-        """Share of the loss removed by an effect that a competing effect may miss and still be confounded with it."""
+        """Share of an effect's gain by which a competing effect may fall short and still be confounded with it."""
         return RULES.contact_alike
 
     @property

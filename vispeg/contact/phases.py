@@ -87,8 +87,8 @@ def phases(touch: Touch, path: Path, scene: Scene, block: float) -> Phases | Non
     """Return the phases of a path with contact `touch`; None if it does not begin in free air.
 
     In free air the wrench is constant at rest, and stays the same when motion begins. So the rest is the first time
-    without motion or touch after which the tool moves before it touches. Its reading there is the sensor's zero plus
-    the tool's weight, whatever they are.
+    without motion or touch, provided that the force stays the same while the tool then moves. The reading there is the
+    sensor's zero plus the tool's weight, whatever they are.
     """
     size = max(1, round(block / path.step))
     m = len(path.time) // size

@@ -110,7 +110,7 @@ class Item:
 
     @property
     def beside(self) -> str | None:
-        """Kind of the second channel: `torque`, `load`, or None."""
+        """Kind of the second channel, such as `torque` or `load`; None if there is one channel alone."""
         return self.channels[1].kind if len(self.channels) > 1 else None
 
     @property

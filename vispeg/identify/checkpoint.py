@@ -25,6 +25,7 @@ from vispeg.formats.guard import MB, as_written
 from vispeg.formats.typed import typed
 
 FORMAT = "vispeg-checkpoint/3"
+# finite=False: before its first step a trace has an infinite cost
 CHECKPOINT = Format(FORMAT, "a checkpoint of a fit", ("key", "traces"), language="json", most=256 * MB, finite=False)
 
 

@@ -156,6 +156,7 @@ class Evidence(Freedom):
         answer = with_gains(self.items, self._simulated(worlds))
         if key is not None:
             size = max(1, sum(y.nbytes for y in answer))
+            # with the older answers that fit into a quarter of `AT_ONCE`, seven at most
             self._recent = [(key, answer), *self._recent[: min(7, int(AT_ONCE / 4 / size))]]
         return answer
 

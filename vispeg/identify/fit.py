@@ -99,7 +99,7 @@ class Race:
     def far_behind(self, best: float) -> float:
         """Return the mean squared residual from which a fit is far behind one that reached `best`.
 
-        A fit is far behind once its excess over 1 is more than `BEHIND` times that of the best, at least 0.1.
+        A fit is far behind once its excess over 1 is more than `BEHIND` times that of the best, counted as 0.1 or more.
         """
         return 1.0 + BEHIND * max(best - 1.0, 0.1)
 

@@ -50,8 +50,8 @@ CAVEATS = (
 # Sensors of real arms feel part of it: on held-out runs, friction of every joint lowers the residual of least squares
 # from .42 to .30 N m for a Franka Panda and from 1.43 to .81 N m for a KUKA LWR4+ (scripts/bench/real_arms.py)
 BEHIND = (
-    "the torque sensor is behind the gear: friction and rotor inertia are as far as it feels them; what a drive loses "
-    "before it leaves no trace"
+    "the torque sensor is behind the gear: friction and rotor inertia are found only as far as it feels them; what a "
+    "drive loses before it leaves no trace"
 )
 
 

@@ -26,7 +26,7 @@ def over_image_and_distance(mine: Sequence[Compared]) -> dict[str, np.ndarray]:
     """
     size = np.array([mine[0].frame.camera.width, mine[0].frame.camera.height])
     table = np.concatenate([np.zeros((0, 7)), *(rows for shot in mine for rows in _geometry(shot))])
-    thin = table[:: max(1, -(-len(table) // POINTS))]
+    thin = table[:: max(1, -(-len(table) // POINTS))]  # rounded up
     names = {"pixel": np.s_[:, :2], "normal": np.s_[:, 2:4], "along": np.s_[:, 4], "depth": np.s_[:, 5]}
     depth, grey = (_pixels(mine, light) for light in (False, True))
     return {

@@ -66,7 +66,7 @@ def _shares(screen: Screen, tries: Sequence[tuple[str, EffectInstance]], need: f
 
 
 def surely(evidence: ContactEvidence, drop: float) -> float:
-    """Return d^2 of a residual change of norm d that a fit removes with a drop over `drop`, with probability `power`.
+    """Return the least d^2 for which fitting a residual change of norm d gains over `drop` with probability `power`.
 
     The fit lowers the squared residual by d^2 + 2 d e, where e is the error along that change, with the variance used
     for acceptance.

@@ -131,7 +131,10 @@ def _across(error: np.ndarray) -> np.ndarray:
 
 
 def _lean(error: np.ndarray, good: np.ndarray, shot: Shot) -> np.ndarray:
-    """Return the tilt (2,) m: error growth from the axis to 45 degrees right and down, without scale error."""
+    """Return the tilt (2,) m: how much the error grows from the optical axis to 45 degrees to the right, and down.
+
+    An error of scale does not count.
+    """
     used = np.zeros(good.shape, bool)
     used[::3, ::3] = True
     used &= good

@@ -19,8 +19,9 @@ def _edges(p: Points, scale: np.ndarray, away: np.ndarray) -> list[np.ndarray]:
     """Return columns (n,), each the effect of one standard deviation of one edge bias, in noise units.
 
     A bias belongs to a group of edges, such as those of one part. Its standard deviation is `edge_shift`, or the mean
-    shift that the aligned world and fitted postures leave in that group, if that is larger. `away` (n,) is what they
-    leave at each point, `scale` (n,) one pixel, both in noise units.
+    shift that the aligned world and fitted postures leave in that group, if that is larger; of the edges of one part,
+    direction and frame it is `edge_shift_here`. `away` (n,) is what they leave at each point, `scale` (n,) one pixel,
+    both in noise units.
     """
     facing = np.round(np.arctan2(p.normal[:, 1], p.normal[:, 0]) / (np.pi / 2)).astype(int) % 4
     one_way, out = np.column_stack([p.parts, facing]), []
