@@ -168,8 +168,8 @@ class ContactEvidence(Evidence):
         for rows in built_alike(worlds):
             for item, values in zip(self.items, out, strict=True):
                 for batch in np.split(rows, range(ROWS, len(rows), ROWS)):
-                    these = [worlds[r] for r in batch]
-                    values[batch] = predicted(item, driven(item, these, self.nthread), these)
+                    part = [worlds[r] for r in batch]
+                    values[batch] = predicted(item, driven(item, part, self.nthread), part)
         return out
 
     def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:

@@ -252,11 +252,11 @@ def room_of(
     around the middle of its ranges. Joints without limits get half a turn to either side, and 2 rad/s.
     """
     nj, limits = len(robot.joints), np.asarray(robot.range, float)
-    count, said = duration * rate_hz, f"{duration:g} s at {rate_hz:g} Hz"
+    count, got = duration * rate_hz, f"{duration:g} s at {rate_hz:g} Hz"
     if not (rate_hz > 0.0 and count > 9.5):  # also refuses nan
-        raise UserError("a motion needs ten samples at least", got=said)
+        raise UserError("a motion needs ten samples at least", got=got)
     if count > MOST_SAMPLES:
-        raise UserError("too long a motion", expected=f"at most {MOST_SAMPLES} samples", got=said)
+        raise UserError("too long a motion", expected=f"at most {MOST_SAMPLES} samples", got=got)
     n = round(count)
     free = ~np.isfinite(limits).all(axis=1) | (limits[:, 0] >= limits[:, 1])
     low, high = np.where(free, -np.pi, limits[:, 0]), np.where(free, np.pi, limits[:, 1])

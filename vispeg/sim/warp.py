@@ -176,11 +176,11 @@ class WarpBatch:
         for name in self._unsent:
             owner = self._model.opt if name.startswith("opt.") else self._model
             place, values = name.removeprefix("opt."), self._host.expanded(name)
-            there = getattr(owner, place)
-            if there.shape[0] == self.nsim:
-                there.assign(_as(there, values))
+            array = getattr(owner, place)
+            if array.shape[0] == self.nsim:
+                array.assign(_as(array, values))
             else:  # one value for all rows until now
-                setattr(owner, place, wp.array(_as(there, values), dtype=there.dtype))
+                setattr(owner, place, wp.array(_as(array, values), dtype=array.dtype))
                 self._graphs.clear()
         if self._unsent & PLACES:  # MuJoCo Warp computes the poses of geoms that cannot move only once
             self._host.forward(stage=mujoco.mjtStage.mjSTAGE_POS.value)

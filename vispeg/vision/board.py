@@ -132,8 +132,8 @@ def laid(eye: Eye, board: Board, looks: Sequence[Look]) -> np.ndarray | None:
         return board.points @ (Rotation.from_rotvec(x[:3]).as_matrix() @ start[:3, :3]).T + start[:3, 3] + x[3:]
 
     def misplaced(x: np.ndarray) -> np.ndarray:
-        there = points(x)
-        parts = [look.project(eye, there[look.view.ids]) - look.view.pixels for look in enough]
+        corners = points(x)
+        parts = [look.project(eye, corners[look.view.ids]) - look.view.pixels for look in enough]
         return np.nan_to_num(np.concatenate(parts).ravel(), nan=1e3)
 
     return points(least_squares(misplaced, np.zeros(6), loss="cauchy", f_scale=SOFT, x_scale=[0.1] * 6).x)
@@ -145,8 +145,8 @@ def pose_of_board(eye: Eye, board: Board, look: Look) -> np.ndarray:
 
     flat = np.ascontiguousarray(eye.ideal(look.view.pixels))
     good = np.isfinite(flat).all(axis=1)
-    here = board.points[look.view.ids][good]
-    _, turn, shift = cv2.solvePnP(here, flat[good], np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
+    corners = board.points[look.view.ids][good]
+    _, turn, shift = cv2.solvePnP(corners, flat[good], np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
     out = np.eye(4)
     out[:3, :3] = look.turn @ Rotation.from_rotvec(turn.ravel()).as_matrix()
     out[:3, 3] = look.turn @ shift.ravel() + look.pos

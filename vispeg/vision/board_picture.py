@@ -90,8 +90,8 @@ def with_board(
     u, v = np.clip(u, -1, columns).astype(int), np.clip(v, -1, rows).astype(int)
     inside = (u >= 0) & (v >= 0) & (u < columns) & (v < rows) & (far > 0)
     colour = np.where(inside, LIGHT * image[np.clip(v, 0, rows - 1), np.clip(u, 0, columns - 1)], 0.0)
-    there = np.kron(np.where(depth > 0, depth, np.inf), np.ones((FINER, FINER)))
-    visible = inside & (far < there + LIFT)
+    surface = np.kron(np.where(depth > 0, depth, np.inf), np.ones((FINER, FINER)))
+    visible = inside & (far < surface + LIFT)
     h, w = depth.shape
 
     def mean(values: np.ndarray) -> np.ndarray:

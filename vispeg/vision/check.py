@@ -251,8 +251,8 @@ def warnings_of(check: CameraCheck) -> list[str]:
         out.append(f"{name}: distances differ by less than 1.5 times: scale and bias of depth look the same")
     unknown = [t for t in check.precision if not t.determined]
     if unknown:
-        said = ", ".join(f"{t.effect}.{t.parameter} ({t.sigma:.2g} {t.unit})" for t in unknown)
-        out.append(f"{name}: cannot tell {said}: {_advice(unknown, check.mount)}")
+        numbers = ", ".join(f"{t.effect}.{t.parameter} ({t.sigma:.2g} {t.unit})" for t in unknown)
+        out.append(f"{name}: cannot tell {numbers}: {_advice(unknown, check.mount)}")
     return out
 
 

@@ -48,8 +48,8 @@ def depth_residual(measured: np.ndarray, rendering: Rendering, clear: int = CLEA
     """
     import cv2
 
-    predicted, there = rendering.depth, rendering.depth > 0
-    edge = np.zeros(there.shape, bool)
+    predicted, surface = rendering.depth, rendering.depth > 0
+    edge = np.zeros(surface.shape, bool)
     for axis in (0, 1):
         a, b = (np.moveaxis(x, axis, 0) for x in (rendering.parts, predicted))
         step = (a[1:] != a[:-1]) | (np.abs(b[1:] - b[:-1]) > JUMP * np.maximum(np.minimum(b[1:], b[:-1]), 1e-3))
@@ -57,8 +57,8 @@ def depth_residual(measured: np.ndarray, rendering: Rendering, clear: int = CLEA
         mark[1:] |= step
         mark[:-1] |= step
     off = cv2.distanceTransform((~edge).astype(np.uint8), cv2.DIST_L2, 5)
-    error = np.where(there & (measured > 0), measured - predicted, np.nan).astype(np.float32)
-    return DepthResidual(error, there & (off >= clear), there & (off < band), there & ~(measured > 0))
+    error = np.where(surface & (measured > 0), measured - predicted, np.nan).astype(np.float32)
+    return DepthResidual(error, surface & (off >= clear), surface & (off < band), surface & ~(measured > 0))
 
 
 @dataclass(frozen=True)

@@ -83,8 +83,8 @@ def _finer(c: Camera, times: int) -> Camera:
 def camera_of(recorded: RecordedCamera) -> Camera:
     """Return a recorded camera as a renderer takes it. Raises UserError for one whose pose is not stated."""
     if recorded.mount is None or recorded.pose is None:
-        said = f"camera '{recorded.name}' has no pose"
-        raise UserError(said, key="frames/cameras.yaml", expected="base_T_camera or flange_T_camera (4 x 4, m)")
+        what = f"camera '{recorded.name}' has no pose"
+        raise UserError(what, key="frames/cameras.yaml", expected="base_T_camera or flange_T_camera (4 x 4, m)")
     return Camera(
         recorded.name,
         **recorded.lens,

@@ -43,8 +43,8 @@ class Geometry:
 
     def __init__(self, scene: Scene, cameras: Sequence[Camera]):
         self.cameras, names = tuple(cameras), tuple(c.name for c in cameras)
-        here = (e for e in scene.stated if effect(e.effect).family != "camera" or acts_on(e.where, names))
-        self.scene = replace(scene, cameras=names, stated=tuple(here))
+        stated = (e for e in scene.stated if effect(e.effect).family != "camera" or acts_on(e.where, names))
+        self.scene = replace(scene, cameras=names, stated=tuple(stated))
         spec = scene.spec()
         model_camera.add(spec, self.cameras)
         self.model = spec.compile()

@@ -209,5 +209,5 @@ def _bent(eye: Eye, rgb: np.ndarray, depth: np.ndarray, parts: np.ndarray) -> tu
     u, v = (np.nan_to_num(at[..., i], nan=-1e4).astype(np.float32) for i in (0, 1))
     colour = cv2.remap(rgb, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     near = (cv2.remap(x, u, v, cv2.INTER_NEAREST, borderValue=0) for x in (depth, parts.astype(np.float32)))
-    there, labels = near
-    return colour, there, np.rint(labels).astype(np.int32)
+    distance, labels = near
+    return colour, distance, np.rint(labels).astype(np.int32)

@@ -99,7 +99,7 @@ def _binned(z: np.ndarray, e: np.ndarray) -> np.ndarray:
     cell = np.clip(np.searchsorted(edges, z, side="right") - 1, 0, DISTANCES - 1)
     rows = []
     for k in range(DISTANCES):
-        here = e[cell == k]
-        if len(here):
-            rows.append((float(np.median(z[cell == k])), float(np.median(here)), spread(here), len(here)))
+        errors = e[cell == k]
+        if len(errors):
+            rows.append((float(np.median(z[cell == k])), float(np.median(errors)), spread(errors), len(errors)))
     return np.array(rows)

@@ -70,10 +70,10 @@ def _with_borders(rgb: np.ndarray, comparison: Compared) -> np.ndarray:
     image = np.ascontiguousarray(rgb).copy()
     if comparison.displacements is None:
         return image
-    there = np.isfinite(comparison.displacements.along)
+    found = np.isfinite(comparison.displacements.along)
     ends = comparison.borders.pixel + np.nan_to_num(comparison.displacements.along)[:, None] * comparison.borders.normal
     sub = 16  # OpenCV takes places in 16ths of a pixel, if it is given a shift of 4 bits
-    for start, end, good in zip(comparison.borders.pixel, ends, there, strict=True):
+    for start, end, good in zip(comparison.borders.pixel, ends, found, strict=True):
         a, b = (tuple(np.rint(sub * p).astype(int).tolist()) for p in (start, end))
         if good:
             cv2.line(image, a, b, FOUND, 1, cv2.LINE_AA, 4)
@@ -97,8 +97,8 @@ def _signed(error: np.ndarray, missing: np.ndarray) -> np.ndarray:
 
 def _span(depth: np.ndarray) -> tuple[float, float]:
     """Return the range of depth, m, that a picture's colours span."""
-    there = depth[depth > 0]
-    low, high = np.quantile(there, [0.01, 0.95]) if there.size else (0.1, 1.0)
+    readings = depth[depth > 0]
+    low, high = np.quantile(readings, [0.01, 0.95]) if readings.size else (0.1, 1.0)
     return float(low), float(max(high, low + 0.05))
 
 

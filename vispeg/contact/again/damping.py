@@ -166,8 +166,8 @@ def _crossing(scales: np.ndarray, values: np.ndarray, level: float, inside: int,
 
 def _rivals(world: World, scene: Scene, hits: Sequence[Blow], most: float, nthread: int) -> list[str]:
     """Return labels of effects that at some size explain the impacts to within the squared residual `most`."""
-    there = {e.effect for e in world.effects}
-    kinds = [k for k in looked_for() if k.stage in BESIDE and k.name not in there and place_of(k, scene)]
+    present = {e.effect for e in world.effects}
+    kinds = [k for k in looked_for() if k.stage in BESIDE and k.name not in present and place_of(k, scene)]
     probes = [p for k in kinds for _, p in tries(k.name, place_of(k, scene))]
     squares = _squares(hits, [world.add(p) for p in probes], nthread)
     return sorted({p.label for p, square in zip(probes, squares, strict=True) if square <= most})

@@ -65,11 +65,11 @@ def excess_noise(
     items = [[i for i in group if wrench_noise(i.recording.noise) is not None] for group in (fitted, held_out)]
     if not all(items) or any(e.effect == "wrench_noise" for e in world.effects):
         return ()
-    more, level, error, stated = _excess(items[0])
-    more = more & _excess(items[1])[0]
+    louder, level, error, stated = _excess(items[0])
+    louder = louder & _excess(items[1])[0]
     params = {}
     for name, part in PARTS.items():
-        if more[part].any():
+        if louder[part].any():
             middle, wide = level[part].mean(), 1.96 * error[part].mean() / np.sqrt(3)  # of the mean of three channels
             levels = np.maximum(np.array([middle, middle - wide, middle + wide]) ** 2 - stated[part].mean() ** 2, 0.0)
             params[name] = Value(*np.sqrt(levels).tolist())
@@ -92,11 +92,11 @@ def _louder(level: np.ndarray, error: np.ndarray, known: np.ndarray) -> np.ndarr
     The three force channels are decided together, and so are the three torque channels. The excess must be larger than
     rounding and chance explain.
     """
-    more = np.zeros(6, bool)
+    louder = np.zeros(6, bool)
     for part in PARTS.values():
         low = level[part].mean() - RULES.noise_sigmas * error[part].mean() / np.sqrt(3)
-        more[part] = low > RULES.noise_louder * known[part].mean()
-    return more
+        louder[part] = low > RULES.noise_louder * known[part].mean()
+    return louder
 
 
 def _stated(item: ContactItem) -> np.ndarray:

@@ -113,8 +113,8 @@ def _made(name: str, scene: Scene, rate_hz: float, duration: float) -> Motion:
     low, high = scene.range.T
     bad = (error > EXACT) | (q < low).any(axis=1) | (q > high).any(axis=1)
     if bad.any():
-        said = f"{name}: the arm cannot look from everywhere, first at {knots[bad.argmax()]:.1f} s"
-        raise UserError(said, expected="a fixture nearer to the middle of its reach", got=list(scene.target))
+        message = f"{name}: the arm cannot look from everywhere, first at {knots[bad.argmax()]:.1f} s"
+        raise UserError(message, expected="a fixture nearer to the middle of its reach", got=list(scene.target))
     spline = CubicSpline(knots, q, bc_type="clamped")
     time = np.arange(round(duration * rate_hz)) / rate_hz
     return Motion(name, time, spline(time), spline(time, 1))
@@ -172,5 +172,5 @@ def _touches_nothing(motion: Motion, scene: Scene) -> None:
         mujoco.mj_collision(model, data)
         if data.ncon:
             pair = [model.geom(g).name or model.body(model.geom_bodyid[g]).name for g in data.contact[0].geom]
-            said = f"{motion.name}: {pair[0]} touches {pair[1]} at {motion.time[row]:.1f} s"
-            raise UserError(said, expected="a cell with room about the goal")
+            message = f"{motion.name}: {pair[0]} touches {pair[1]} at {motion.time[row]:.1f} s"
+            raise UserError(message, expected="a cell with room about the goal")

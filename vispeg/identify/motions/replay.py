@@ -51,10 +51,8 @@ def replay(file: Path, robot: RobotModel, rate_hz: float) -> Motion:
         )
     count = int(np.floor(time[-1] * rate_hz + 1e-6)) + 1
     if count > MOST_SAMPLES:
-        said = f"{time[-1]:g} s at {rate_hz:g} Hz"
-        raise UserError(
-            "too long a motion", file=file, key="time", expected=f"at most {MOST_SAMPLES} samples", got=said
-        )
+        got = f"{time[-1]:g} s at {rate_hz:g} Hz"
+        raise UserError("too long a motion", file=file, key="time", expected=f"at most {MOST_SAMPLES} samples", got=got)
     grid = np.arange(count) / rate_hz
     if len(grid) == len(time) and np.all(np.abs(grid - time) < 1e-3 / rate_hz):
         return Motion(file.stem, grid, q, dq)

@@ -85,7 +85,8 @@ def border_evidence(
     """
     cameras = list({s.camera.name: s.camera for s in (*fitted, *held_out)}.values())
     with Predictor(scene, cameras) as predictor:
-        settled, points = align(predictor, fitted, world.over(predictor.scene.stated), recall)
+        stated = world.over(predictor.scene.stated)  # with the effects that the cell states
+        settled, points = align(predictor, fitted, stated, recall)
         scatter = None if robot is None else Scatter(robot, 0.0)
         out = _evidence_pair(predictor, (fitted, held_out), settled, points, scatter)
         if robot is None and out[0].robot > 0:

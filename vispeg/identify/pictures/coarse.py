@@ -147,13 +147,13 @@ def _refined(geometry: Geometry, outline: Outline, world: World, reach: float) -
         scale = max(float(np.median(r[near])), 0.5)  # px, taken as the standard deviation of the distances
         step = np.linalg.solve(jac.T @ jac / scale**2 + np.eye(len(u)) / LOOSE**2, -jac.T @ r[near] / scale**2)
         for shorter in (1.0, 0.5, 0.25):
-            there = np.clip(u + shorter * step, low, high)
-            away = outline.distances(geometry, space.at(there), reach)
+            shifted = np.clip(u + shorter * step, low, high)
+            away = outline.distances(geometry, space.at(shifted), reach)
             if away.mean() < r.mean():
                 break
         else:
             break
-        u, r = there, away
+        u, r = shifted, away
     return space.at(u), float(r.mean())
 
 

@@ -100,10 +100,10 @@ def depth_figures(
         rows = good & (bins == k)
         enough = rows.sum() >= FEW
         error.append(float(np.median(residual.error[rows])) if enough else np.nan)
-        here = scatters[rows & np.isfinite(scatters)]
+        of_bin = scatters[rows & np.isfinite(scatters)]
         least = ordinary[0] + ordinary[1] * float(np.median(z[rows])) ** 2 if enough else 0.0
         scatter.append(
-            float(np.log(np.hypot(np.median(here) / MEDIAN, least))) if enough and len(here) >= FEW else np.nan
+            float(np.log(np.hypot(np.median(of_bin) / MEDIAN, least))) if enough and len(of_bin) >= FEW else np.nan
         )
     lost = inside & (picture <= 0)
     starts = int((lost[:, 1:] & ~lost[:, :-1]).sum())

@@ -86,12 +86,12 @@ def links_of(shots: Sequence[Shot]) -> Links:
         points = s.rendering.eye.rays()[v, u] * s.rendering.depth[v, u, None]
         room = points @ s.rendering.pose[:3, :3].T + s.rendering.pose[:3, 3]
         for number, (other, free) in enumerate(zip(shots, clear, strict=True)):
-            here = (room - other.rendering.pose[:3, 3]) @ other.rendering.pose[:3, :3]
-            pixel = np.nan_to_num(other.rendering.eye.project(here), nan=-1)
+            in_camera = (room - other.rendering.pose[:3, 3]) @ other.rendering.pose[:3, :3]
+            pixel = np.nan_to_num(other.rendering.eye.project(in_camera), nan=-1)
             at = np.rint(np.clip(pixel, -1, max(width, height))).astype(int)
-            inner = (at >= 0).all(1) & (at < [width, height]).all(1) & (here[:, 2] > 0)
+            inner = (at >= 0).all(1) & (at < [width, height]).all(1) & (in_camera[:, 2] > 0)
             a, b = np.where(inner[:, None], at, 0).T
-            near = np.abs(other.rendering.depth[b, a] - here[:, 2]) < SAME[0] + SAME[1] * here[:, 2]
+            near = np.abs(other.rendering.depth[b, a] - in_camera[:, 2]) < SAME[0] + SAME[1] * in_camera[:, 2]
             same = inner & near & free[b, a] & (other.rendering.parts[b, a] == s.rendering.parts[v, u])
             index = np.flatnonzero(same)
             rows.append(np.column_stack([index + start, np.full(len(index), number), at[index]]))

@@ -69,8 +69,8 @@ def nuisances(geometry: Geometry, item: Item, world: World, arm: Postures) -> tu
             step = np.zeros(3)
             step[axis % 3] = SMALL
             shift = np.broadcast_to(step, p.local.shape) if axis < 3 else np.cross(step, p.local - centre)
-            there = replace(p, local=p.local + np.where(rows[:, None], shift, 0))
-            common.append(effect_of(pixels(geometry, sight, world, there)) * sizes[axis])
+            shifted = replace(p, local=p.local + np.where(rows[:, None], shift, 0))
+            common.append(effect_of(pixels(geometry, sight, world, shifted)) * sizes[axis])
     (_, at), nj = np.unique(p.frame, return_inverse=True), len(scene.joints)
     joints = np.zeros((len(p.frame), (int(at.max(initial=-1)) + 1) * nj))
     for j in range(nj):

@@ -92,10 +92,10 @@ def load_posed(path: str | Path) -> tuple[tuple[Camera, bool], ...]:
     if "format" not in record:
         raise _unread(text, record, path)
     content = CAMERAS.open(record, path)
-    many = content["cameras"] if "cameras" in content else [content]
-    if not isinstance(many, list) or not many:
-        raise UserError("not a list of cameras", file=path, key="cameras", got=many)
-    cameras = tuple((from_record(entry, path), any(key in entry for key in POSE)) for entry in many)
+    entries = content["cameras"] if "cameras" in content else [content]
+    if not isinstance(entries, list) or not entries:
+        raise UserError("not a list of cameras", file=path, key="cameras", got=entries)
+    cameras = tuple((from_record(entry, path), any(key in entry for key in POSE)) for entry in entries)
     names = [camera.name for camera, _ in cameras]
     if len(set(names)) < len(names):
         raise UserError("two cameras of one name", file=path, key="cameras", got=names)

@@ -69,10 +69,10 @@ def cameras_of(robot: RobotModel, size: tuple[int, int] = (0, 0)) -> tuple[Camer
 
 def add(spec: mujoco.MjSpec, cameras: tuple[Camera, ...]) -> None:
     """Add a camera to a spec for each of `cameras` whose name is new; `write` sets its values in the compiled model."""
-    there = {camera.name for camera in spec.cameras}
+    names = {camera.name for camera in spec.cameras}
     for camera in cameras:
-        if camera.name not in there:
-            there.add(camera.name)
+        if camera.name not in names:
+            names.add(camera.name)
             size = [PIXEL * camera.width, PIXEL * camera.height]
             _parent_body(spec, camera.parent).add_camera(
                 name=camera.name, sensor_size=size, focal_pixel=[1, 1], resolution=[camera.width, camera.height]
