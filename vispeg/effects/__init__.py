@@ -24,4 +24,5 @@ def find(search: str = "", family: Family | None = None) -> list[Effect]:
 def _text(effect: Effect) -> str:
     parts = [effect.name, effect.family, type(effect).__doc__ or ""]
     parts += [text for name, param in effect.params.items() for text in (name, param.doc)]
-    return " ".join(parts).lower().replace("_", " ") + " " + effect.name
+    text = " ".join(parts).lower()
+    return f"{text} {text.replace('_', ' ')}"

@@ -40,8 +40,8 @@ def image_flow(frame, row: int, near: np.ndarray) -> np.ndarray:
 def arriving(shift: np.ndarray, near: np.ndarray) -> np.ndarray:
     """Return by how much (H, W, 3) what is then seen in each pixel has moved.
 
-    Where nothing arrives, it is the pixel's own shift; 0 if the place from which that shift leads here shows something
-    nearer, which hides what the pixel shows.
+    Where nothing arrives, it is the pixel's own shift. It is 0 if a nearer surface is seen at the place from which that
+    shift leads to the pixel.
 
     Args:
         shift: (H, W, 3) by how much what each pixel shows moves: px across and down, and m.
@@ -51,7 +51,7 @@ def arriving(shift: np.ndarray, near: np.ndarray) -> np.ndarray:
     u, v, moves = np.arange(width), np.arange(height)[:, None], shift.reshape(-1, 3)
     left = np.clip(np.rint(u - shift[..., 0]), 0, width - 1).astype(np.int32)
     above = np.clip(np.rint(v - shift[..., 1]), 0, height - 1).astype(np.int32)
-    beside = np.where((near < near[above, left])[..., None], np.float32(0), shift)
+    unreached = np.where((near < near[above, left])[..., None], np.float32(0), shift)
     # Each pixel is written to all pixels around its new place, four unless it lies on a row or column. The picture has
     # margins of two pixels for what leaves it.
     wide = width + 4
@@ -64,4 +64,4 @@ def arriving(shift: np.ndarray, near: np.ndarray) -> np.ndarray:
     seen = np.full((height + 4) * wide, -1, np.int32)
     seen[at] = far_first[:, None]  # of several assignments to a pixel the last one stays: that of the nearest
     seen = seen.reshape(height + 4, wide)[2:-2, 2:-2]
-    return np.where((seen >= 0)[..., None], moves[seen], beside)
+    return np.where((seen >= 0)[..., None], moves[seen], unreached)

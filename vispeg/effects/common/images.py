@@ -26,7 +26,7 @@ PICTURES, ENVIRONMENTS = (".png", ".jpg", ".jpeg"), (".hdr",)
 PIXELS = 40_000_000  # no larger image is read
 RADIANCE = (b"#?RADIANCE", b"#?RGBE")
 
-Stamp = tuple[int, int]
+Stamp = tuple[int, int]  # of a file, as `_stamp`; an argument of cached functions, so that a changed file is read again
 
 
 def images(endings: tuple[str, ...], training: bool = False) -> tuple[Path, ...]:

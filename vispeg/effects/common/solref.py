@@ -15,7 +15,7 @@ import numpy as np
 def springs(solref: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return stiffness K (...) in 1/s^2 and damping B (...) in 1/s of `solref` (..., 2)."""
     first, second = np.moveaxis(solref, -1, 0)
-    with np.errstate(divide="ignore"):  # of the form that a row does not have
+    with np.errstate(divide="ignore"):  # of the form that a row does not have; without damping `0.0 - second` is not -0
         return np.where(first > 0, (first * second) ** -2.0, -first), np.where(first > 0, 2 / first, 0.0 - second)
 
 

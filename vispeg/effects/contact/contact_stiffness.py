@@ -6,7 +6,7 @@ with time constant T and damping ratio z, and w the inverse weight of what the c
 `d / (1 - d)` at d0 are scaled; d1 and K are set so that the law holds at the surface and at full depth, in either form
 of `geom_solref` (see `vispeg.effects.common.solref`); and the width, the depth from d0 to d1, is divided by `scale`.
 MuJoCo keeps d within limits; K alone takes what is beyond. A longer T alone would do the same at rest, but contacts
-would respond late. An impact takes T whatever the impedance: its peak force falls only by a fifth at a `scale` of 0.1.
+would respond late. An impact depends on T, not on the impedance: at a `scale` of 0.1 its peak force falls by a fifth.
 Between surface and full depth the law is not exact: the depth is up to 4 % less at a `scale` of 0.25 and 9 % less at
 0.02 with MuJoCo's own d0 and d1, 0.9 and 0.95; more, the farther apart their odds are. In the cell it is 3 % less at 15
 N per contact and 0.02. MuJoCo keeps T above two physics steps; near that limit a contact is up to 1.5 times as soft.
@@ -30,9 +30,9 @@ def scaled(solref: np.ndarray, solimp: np.ndarray, scale: np.ndarray | float) ->
     """Return `solref` (..., 2) and `solimp` (..., 5) of contacts that are `scale` (...) times as stiff."""
     d = np.clip(solimp[..., :2], *LIMITS)
     (least, most), bears = _bears(np.array(LIMITS)), _bears(d)
-    share = scale**2 / (1 - d[..., 0] + scale * d[..., 0])  # of the load per depth, by the scaled odds of d0
+    share = scale**2 / (1 - d[..., 0] + scale * d[..., 0])  # factor on `bears` if the odds of d0 are scaled
     share = np.clip(share, least / bears.min(axis=-1), most / bears.max(axis=-1))  # K takes the rest
-    new = 2 / (1 + np.sqrt(1 + 4 / (share[..., None] * bears)))  # where the load per depth is that share of `bears`
+    new = 2 / (1 + np.sqrt(1 + 4 / (share[..., None] * bears)))  # the impedance whose `_bears` is share * bears
     rate = np.sqrt(scale / share) * new[..., 1] / d[..., 1]
     width = solimp[..., 2:3] / np.asarray(scale)[..., None]
     return times(solref, stiffness=rate**2, damping=rate), np.concatenate([new, width, solimp[..., 3:]], -1)

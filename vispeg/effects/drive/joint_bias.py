@@ -24,5 +24,5 @@ class JointBias(Effect):
         return tau + p["torque"]
 
     def inverse(self, needed, sensor, p):
-        # a sensor behind the gear reads the bias as an error of its own zero; else the bias need not be commanded
+        # behind the gear, the bias stands for a zero error of the sensor; else the bias need not be commanded
         return needed + p["torque"] if sensor == "joint" else needed - p["torque"]

@@ -26,5 +26,5 @@ class TorqueGain(Effect):
         return tau * p["gain"]
 
     def inverse(self, needed, sensor, p):
-        # a sensor behind the gear reads the gain as an error of its own scale; else the command makes up for the gain
+        # behind the gear, the gain stands for a scale error of the sensor; else the command makes up for the gain
         return needed * p["gain"] if sensor == "joint" else needed / p["gain"]

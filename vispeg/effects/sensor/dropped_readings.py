@@ -2,7 +2,7 @@
 
 Joints with the same seed lose the readings of the same ticks, as in a lost packet; ticks are independent. No MuJoCo
 mechanism. Each simulation draws from a random stream that `seed` determines. Source of the range: 0.1 to 1 %,
-practitioners' sim-to-real article.
+the SVRC's guide (docs/sources.md).
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 No MuJoCo mechanism: controllers here read angles, not sensors. Each simulation draws from a random stream that `seed`
 determines, so a world can be replayed and does not depend on the others of its batch. Source of the range: 0.001 to
-0.01 rad, practitioners' sim-to-real article.
+0.01 rad, the SVRC's guide (docs/sources.md).
 """
 
 from __future__ import annotations

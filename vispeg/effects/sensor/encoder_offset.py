@@ -22,7 +22,7 @@ class EncoderOffset(Effect):
     params = {"offset": Param(0.0, -0.2, 0.2, "rad", start=0.01, doc="measured minus true angle")}
 
     def channels(self):
-        return super().channels() | {"border"}
+        return super().channels() | {"border"}  # borders of parts in pictures, predicted from the measured angles
 
     def observe(self, state, q, dq, x, p):
         return q + p["offset"], dq

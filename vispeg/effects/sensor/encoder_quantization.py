@@ -74,7 +74,7 @@ def _step_in_noise(readings: bytes, widest: float) -> float:
         statistic[inverse < 2 * resolution] = 0.0  # a step wider than half the motion fits anything
         top = int(np.argmax(statistic))
         if statistic[top] < 0.25:
-            return float(best) if lag > 4 else 0.0
+            return float(best) if lag > 4 else 0.0  # two lags must show a step
         best, width = 1.0 / inverse[top], 0.5 * resolution
     return float(best)
 

@@ -1,6 +1,7 @@
 """Brightness: encoded colour values are scaled, `v (1 + change)`, and clipped at white, as image editors do it.
 
-This gain acts on the finished image; `exposure` scales the light. Range: +-30 % in practitioners' recipes.
+This gain acts on the finished image; `exposure` scales the light. Range: +-30 % in the SVRC's guide
+(docs/sources.md).
 """
 
 from __future__ import annotations

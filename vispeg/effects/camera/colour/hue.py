@@ -1,7 +1,7 @@
 """Hue: every colour is rotated on the colour circle by `turn`; value and saturation stay.
 
 Colours are in the hexagonal HSV of Smith, Color gamut transform pairs, SIGGRAPH 1978. Range: +-20 % of a turn in
-practitioners' recipes.
+the SVRC's guide (docs/sources.md).
 """
 
 from __future__ import annotations

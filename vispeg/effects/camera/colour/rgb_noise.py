@@ -2,7 +2,7 @@
 
 The Poisson noise of photons is drawn as a Gaussian of the same variance. Source: Foi, Trimeche, Katkovnik and
 Egiazarian, Practical Poissonian-Gaussian noise modeling and fitting for single-image raw-data, TIP 17(10), 2008,
-eq. (3). Ranges: shot 1e-4 to 1e-2; read 0 to 0.05 in practitioners' recipes.
+eq. (3). Ranges: shot 1e-4 to 1e-2; read 0 to 0.05 in the SVRC's guide (docs/sources.md).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Saturation: colours v move towards the grey of their luma g or away from it, `g + (1 + change) (v - g)`.
 
 Grey pixels do not change. The luma (ITU-R BT.709) stays too, unless a channel is clipped at black or white. Range:
-+-15 % in practitioners' recipes.
++-15 % in the SVRC's guide (docs/sources.md).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Blur: defocus as a Gaussian point spread of standard deviation `sigma`, applied to linear light.
 
-Source of the shape: Pentland, A new sense for depth of field, TPAMI 9(4), 1987. Range: 0 to 2 px in practitioners'
-recipes, for the image that a policy sees.
+Source of the shape: Pentland, A new sense for depth of field, TPAMI 9(4), 1987. Range: 0 to 2 px in the SVRC's
+guide (docs/sources.md), for the image that a policy sees.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 A displacement and a rotation vector in the camera's own OpenCV axes (x right, y down, z forward), written to MuJoCo's
 `cam_pos` and `cam_quat`, whose axes are (x, -y, -z). The calibration that policies and users have does not change.
 Ranges: 2 to 10 mm and 1 to 3 deg for a careful hand-eye calibration; +-3 cm and +-5 deg to +-10 cm and +-10 deg in
-practitioners' recipes.
+the SVRC's guide (docs/sources.md).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Occlusion: rectangles of one colour each hide a share of the image and have no depth, as objects near the lens do.
 
 Places, proportions and colours follow from `seed`, so they stay the same during an episode. Range: 5 to 20 % of the
-image in practitioners' recipes.
+image in the SVRC's guide (docs/sources.md).
 """
 
 from __future__ import annotations

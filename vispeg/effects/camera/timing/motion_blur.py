@@ -3,7 +3,8 @@
 The line is the sum of two shifts: `length` px in the direction `angle`, the same for all pixels, and the shift in
 `exposure` seconds by the camera's motion relative to the body that the pixel shows
 (`vispeg.effects.common.image_motion`). What is carried with the camera stays sharp, and what moves before a camera at
-rest does not. Ranges: 0 to 3 px in practitioners' recipes; 2 to 20 ms of exposure indoors.
+rest does not. Ranges: 0 to 3 px in the SVRC's guide (docs/sources.md); 2 to 20 ms of exposure
+indoors.
 """
 
 from __future__ import annotations
