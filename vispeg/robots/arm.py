@@ -20,7 +20,7 @@ LARGEST = 1e6  # kg, m, kg m^2, rad: larger numbers are taken for mistakes
 REFUSALS = (ValueError, TypeError, RuntimeError, MemoryError, mujoco.FatalError)  # MuJoCo's errors for a bad model
 FLANGE_WORDS = ("flange", "tool0", "attachment", "ee")  # best first
 Limits = Mapping[str, tuple[float, float]]  # joint -> (N m, rad/s)
-FREE = (np.inf, np.inf)
+FREE = (np.inf, np.inf)  # limits of a joint for which none are known
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Arm:
         """Compile a copy and check that every joint has inertia.
 
         Raises:
-            UserError: MuJoCo refuses the model, or its inertia matrix is singular.
+            UserError: MuJoCo refuses the model, or a joint moves no mass.
         """
         model = compiled(spec, label)
         data = mujoco.MjData(model)

@@ -96,6 +96,6 @@ class RobotConfig:
     def check(self, nj: int, label: str) -> None:
         """Raise UserError for a list that does not have one number per joint (`nj`); `label` names the robot."""
         for f in fields(self):
-            value = getattr(self, f.name)
+            value = getattr(self, f.name)  # the types are text, as `annotations` is imported
             if f.type == "tuple[float, ...]" and value and len(value) != nj:
                 raise UserError("not one number per joint", file=label, key=f"robot.{f.name}", expected=nj, got=value)

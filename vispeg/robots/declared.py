@@ -34,7 +34,7 @@ class Carried(TypedDict):
 
 
 def carried(model: mujoco.MjModel) -> Carried:
-    """Return the load at the flange of a compiled arm that has a body `tool`; without mass, its centre is there."""
+    """Return the load at the flange of a compiled arm with a body `tool`; without mass, its centre is the flange."""
     root = model.body("tool").id
     parts = []
     for b in range(model.nbody):

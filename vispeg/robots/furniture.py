@@ -75,9 +75,11 @@ def room(spec: mujoco.MjSpec, things: Sequence[UserThing] = ()) -> dict[str, tup
     world.add_geom(
         name="table", type=G.mjGEOM_BOX, size=(0.6, 0.7, 0.02), pos=(0.45, 0, -0.02), material="table", **CONTACT
     )
-    flat = {"contype": 0, "conaffinity": 0}
-    world.add_geom(name="floor", type=G.mjGEOM_PLANE, size=(4, 4, 0.1), pos=(0, 0, -0.75), material="floor", **flat)
-    world.add_geom(name="wall", type=G.mjGEOM_BOX, size=(0.02, 3, 2), pos=(1.6, 0, 1.0), material="wall", **flat)
+    untouched = {"contype": 0, "conaffinity": 0}
+    world.add_geom(
+        name="floor", type=G.mjGEOM_PLANE, size=(4, 4, 0.1), pos=(0, 0, -0.75), material="floor", **untouched
+    )
+    world.add_geom(name="wall", type=G.mjGEOM_BOX, size=(0.02, 3, 2), pos=(1.6, 0, 1.0), material="wall", **untouched)
     names = tuple(f"distractor{i}" for i in range(len(things or SHAPES)))
     parked = {"rgba": (0.5, 0.5, 0.5, 0.0), "material": "distractors"}
     for name, thing in zip(names, things, strict=False):
@@ -85,7 +87,7 @@ def room(spec: mujoco.MjSpec, things: Sequence[UserThing] = ()) -> dict[str, tup
     built_in = () if things else SHAPES
     for i, (name, shape) in enumerate(zip(names, built_in, strict=False)):
         world.add_geom(
-            name=name, type=shape, size=(0.001, 0.001, 0.001), pos=(0.9, 0.1 * i - 0.2, 0.0), **parked, **flat
+            name=name, type=shape, size=(0.001, 0.001, 0.001), pos=(0.9, 0.1 * i - 0.2, 0.0), **parked, **untouched
         )
     return {"table": ("table",), "floor": ("floor",), "wall": ("wall",), "distractors": names}
 

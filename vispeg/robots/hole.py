@@ -117,8 +117,7 @@ def visual(n: int, apothem: float, outer: float, depth: float, chamfer: float) -
 
     Faces share no vertices, so that edges stay sharp. The arguments are as for `add_walls`.
     """
-    m = max(n, 4)
-    turn = np.pi * (2 * np.arange(m + 1) - 1) / n  # corners of the polygon
+    turn = np.pi * (2 * np.arange(n + 1) - 1) / n  # corners of the polygon
     ring = np.stack([np.cos(turn), np.sin(turn)], axis=1) / np.cos(np.pi / n)
     profile = [  # from the outside bottom, over the top, down to the middle of the hole's bottom
         (outer, -depth - FLOOR),
@@ -133,12 +132,12 @@ def visual(n: int, apothem: float, outer: float, depth: float, chamfer: float) -
         if (r0, z0) == (r1, z1):  # no chamfer
             continue
         start = sum(map(len, vertices))
-        low = np.column_stack([r0 * ring, np.full(m + 1, z0)])
-        high = np.column_stack([r1 * ring, np.full(m + 1, z1)])
+        low = np.column_stack([r0 * ring, np.full(n + 1, z0)])
+        high = np.column_stack([r1 * ring, np.full(n + 1, z1)])
         vertices.append(np.concatenate([low, high]))
-        i = np.arange(m) + start
+        i = np.arange(n) + start
         if r1 > 0:
-            faces += [np.stack([i, i + 1, i + m + 2], 1), np.stack([i, i + m + 2, i + m + 1], 1)]
+            faces += [np.stack([i, i + 1, i + n + 2], 1), np.stack([i, i + n + 2, i + n + 1], 1)]
         else:  # all upper corners are one point on the axis
-            faces.append(np.stack([i, i + 1, i + m + 1], 1))
+            faces.append(np.stack([i, i + 1, i + n + 1], 1))
     return np.concatenate(vertices), np.concatenate(faces)

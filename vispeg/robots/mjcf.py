@@ -110,8 +110,8 @@ def _limits(spec: mujoco.MjSpec, path: Path) -> dict[str, tuple[float, float]]:
         if model.actuator_trntype[i] != mujoco.mjtTrn.mjTRN_JOINT:
             continue
         force = abs(model.actuator_forcerange[i]).max() if model.actuator_forcelimited[i] else float("inf")
-        fixed = model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE
-        if model.actuator_ctrllimited[i] and fixed:  # a motor, with force = gain * ctrl
+        motor = model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE
+        if model.actuator_ctrllimited[i] and motor:  # force = gain * ctrl
             force = min(force, abs(model.actuator_ctrlrange[i]).max() * abs(model.actuator_gainprm[i, 0]))
         name = model.joint(int(model.actuator_trnid[i, 0])).name
         torque = float(force) * abs(float(model.actuator_gear[i, 0]))

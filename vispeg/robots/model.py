@@ -104,7 +104,7 @@ def load(
         raise UserError("not a base tilt", expected="roll and pitch in rad", got=base_tilt)
     path = _file(str(robot))
     turn = float(tilt[0]), float(tilt[1])
-    stamps = stamp(path) if path else (), gripper.stamp(carried)  # an edited file is read again
+    stamps = (stamp(path) if path else ()), gripper.stamp(carried)  # an edited file is read again
     return _load(str(path) if path else "", stamps, carried, turn, declared or RobotConfig(), moved)
 
 

@@ -97,7 +97,7 @@ def load_object(source: str | Path) -> ObjectModel:
     check_resources(path)
     try:
         spec = mujoco.MjSpec.from_file(str(path))
-        spec.compiler.fusestatic = True  # of bodies fixed to each other one remains, of which effects change everything
+        spec.compiler.fusestatic = True  # bodies fixed to each other become one, on all of which effects act
         for group in (spec.sensors, spec.keys, spec.actuators):
             for element in list(group):
                 spec.delete(element)

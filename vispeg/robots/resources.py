@@ -23,6 +23,7 @@ SIDES = {
     "quality": ("shadowsize",),
     "option": ("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations", "sdf_iterations"),
 }
+# attributes with text, in which a word such as "nan" is no number
 NAMES = ("name", "class", "childclass", "file", "prefix", "content", "meshdir", "texturedir", "assetdir", "model")
 
 

@@ -245,11 +245,12 @@ def _sensors(spec: mujoco.MjSpec) -> None:
     spec.body("tool").add_site(name="wrench", group=4)
     for name, kind in (("force", mujoco.mjtSensor.mjSENS_FORCE), ("torque", mujoco.mjtSensor.mjSENS_TORQUE)):
         spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="wrench")
-    exists, force, net = 1, 2, 3  # bits of mjtConDataField, and the reduction that sums contacts to a net force
+    # bits of mjtConDataField, the reduction that sums contacts to a net force, and the number of results
+    exists, force, net, count = 1, 2, 3, 1
     spec.add_sensor(
         name="contact",
         type=mujoco.mjtSensor.mjSENS_CONTACT,
         objtype=mujoco.mjtObj.mjOBJ_XBODY,
         objname="tool",
-        intprm=[exists | force, net, 1],
+        intprm=[exists | force, net, count],
     )

@@ -103,9 +103,8 @@ def _refuse_xacro(root: ET.Element, path: Path) -> None:
     """Raise UserError for a xacro file, which is a macro source from which a URDF is generated."""
     if any(str(element.tag).startswith("xacro:") for element in root.iter()):
         stem = path.name.partition(".")[0]
-        out = (
-            f"{stem}.urdf" if path.name != f"{stem}.urdf" else f"{stem}-expanded.urdf"
-        )  # a shell would empty its input
+        # another name than the file's: the shell would empty the file before xacro reads it
+        out = f"{stem}.urdf" if path.name != f"{stem}.urdf" else f"{stem}-expanded.urdf"
         raise UserError("needs xacro", file=path, expected=f"its result: xacro {path.name} > {out}")
 
 

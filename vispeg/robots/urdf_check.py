@@ -31,7 +31,7 @@ def check_urdf(root: ET.Element, path: Path) -> None:
 
     Raises:
         UserError: a missing or repeated name, more than `LINKS` links or joints, a joint type not in `JOINTS`, a joint
-            that follows none that moves, or an impossible number: not as many as `NUMBERS` says, too large, an axis of
+            that mimics none that moves, or an impossible number: not as many as `NUMBERS` says, too large, an axis of
             length 0, inverted limits, or a negative mass.
     """
     for tag in ("link", "joint"):

@@ -189,10 +189,10 @@ def fitted(config: PegGeometry, tool: str) -> float:
     if block is not None:
         _below(config, block)
     stated = config.clearance_mm
-    usual = CLEARANCE if stated is None else stated
+    intended = CLEARANCE if stated is None else stated
     sizes = config.diameter, config.depth, config.shape, config.block, config.chamfer
     # one-sided clearances in m to clearances in mm
-    by_pieces, by_meshes = (2000 * side for side in _one_sided(*sizes, usual, peg, block))
+    by_pieces, by_meshes = (2000 * side for side in _one_sided(*sizes, intended, peg, block))
     if by_meshes < 0:
         raise UserError(
             "the peg does not fit its hole", key="peg_mesh", got=f"{-by_meshes / 2:.3g} mm too wide on a side"
@@ -207,14 +207,14 @@ def fitted(config: PegGeometry, tool: str) -> float:
     if block is not None and stated is None:
         return round(by_pieces, 3)
     low, high = sorted((by_pieces, by_meshes))
-    if low - SAME * usual <= usual <= high + SAME * usual:
-        return usual
+    if low - SAME * intended <= intended <= high + SAME * intended:
+        return intended
     both = f"{by_pieces:.3g} mm by their convex pieces, {by_meshes:.3g} mm by their meshes"
     what = f"peg and hole have a clearance of {both}"
     if block is not None:
-        raise UserError(what, key="clearance_mm", expected=f"{by_pieces:.3g} to {by_meshes:.3g}, or none", got=usual)
+        raise UserError(what, key="clearance_mm", expected=f"{by_pieces:.3g} to {by_meshes:.3g}, or none", got=intended)
     # a built-in hole has the width of `diameter` and `clearance_mm`, so the peg's diameter differs
-    width = config.diameter + 1e-3 * (usual - by_meshes)
+    width = config.diameter + 1e-3 * (intended - by_meshes)
     raise UserError(what, key="diameter", expected=f"{width:.6g}, as the peg has", got=config.diameter)
 
 

@@ -200,7 +200,7 @@ def _read(
     if mesh.volume >= (1 - CONVEX) * mesh.convex_hull.volume:
         pieces: tuple[np.ndarray, ...] = (np.array(mesh.vertices),)
     else:
-        # a number other than 1 makes the pieces in the cache invalid
+        # 1 is the version of cached pieces: a change of it makes them invalid
         digest = hashlib.sha256(Path(file).read_bytes() + repr((1, scale, concavity)).encode()).hexdigest()
         pieces = _pieces(np.array(mesh.vertices), np.array(mesh.faces), concavity, digest, key)
     mesh.apply_translation(-start)

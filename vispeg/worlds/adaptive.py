@@ -121,7 +121,7 @@ class Adaptive:
         return name == r.label or (r.where in MANY and name.startswith(f"{r.effect}(") and name not in self.labels)
 
     def _at_edge(self, r: RandomizedEffect, values: Mapping[str, float]) -> bool:
-        """Say whether a drawn parameter lies in the outer share `1 - edge` of what the present level allows."""
+        """Say whether a drawn parameter lies in the outer share `1 - EDGE` of what the present level allows."""
         level = self.levels[r.label]
         for name in r.params:
             sides = _sides(r, name)

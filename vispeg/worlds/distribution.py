@@ -66,7 +66,8 @@ class Normal:
             return min(max(self.mean, self.low), self.high)
         bell = NormalDist()
         a, b = bell.cdf((self.low - self.mean) / self.sd), bell.cdf((self.high - self.mean) / self.sd)
-        value = self.mean + self.sd * bell.inv_cdf(min(max(a + (b - a) * u, 1e-300), 1 - 1e-16))
+        inside = min(max(a + (b - a) * u, 1e-300), 1 - 1e-16)  # 0 and 1 have no finite quantile
+        value = self.mean + self.sd * bell.inv_cdf(inside)
         return float(min(max(value, self.low), self.high))
 
 
@@ -101,7 +102,7 @@ def parse(raw: Any, file: str | None = None, key: str | None = None) -> float | 
     ((kind, values),) = raw.items()
     if kind not in KINDS:
         raise refused("unknown distribution", got=kind, choices=KINDS)
-    numbers: list[Any] = list(values) if isinstance(values, (list, tuple)) else [None]
+    numbers: list[Any] = list(values) if isinstance(values, (list, tuple)) else [None]  # None is refused
     if not numbers or not all(map(_finite, numbers)) or (kind != "choice" and len(numbers) != 2):
         expected = "numbers" if kind == "choice" else "two numbers"
         raise refused(f"{kind} takes {expected}", got=values)

@@ -45,6 +45,7 @@ def moving(world: World | RandomizedWorld) -> bool:
 
     def stated(kind: Effect, params: Mapping[str, object]) -> bool:
         given = {name: params[name] for name in getattr(kind, "moving", ()) if name in params}
+        # a fixed effect has a Value, a range a number or distribution
         return any(getattr(value, "value", value) != kind.params[name].null for name, value in given.items())
 
     return any(stated(effect(e.effect), e.params) for e in entries)

@@ -63,7 +63,7 @@ class World:
         return replace(self, effects=tuple(by_place.values()))
 
     def over(self, stated: Sequence[EffectInstance]) -> World:
-        """Return this world with the effects `stated` by its cell before its own, which replace these as in `add`."""
+        """Return this world with its cell's effects, `stated`, before its own; its own replace them as in `add`."""
         return replace(self, effects=tuple(stated)).add(*self.effects) if stated else self
 
     def __repr__(self) -> str:
