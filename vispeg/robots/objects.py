@@ -135,10 +135,10 @@ def _check_rules(spec: mujoco.MjSpec, body: mujoco.MjsBody, path: Path) -> None:
     expected = "friction, solref and solimp at the body's geoms alone"
     if spec.option.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
         raise UserError("replaces the parameters of all contacts", file=path, key="override", expected=expected)
-    own = {geom.name for geom in body.find_all("geom")} - {""}
+    of_body = {geom.name for geom in body.find_all("geom")} - {""}
     for pair in spec.pairs:
         names = pair.geomname1, pair.geomname2
-        if own & set(names):
+        if of_body & set(names):
             between = " and ".join(f"'{name}'" for name in names)
             raise UserError(f"replaces the contact between {between}", file=path, key="pair", expected=expected)
 

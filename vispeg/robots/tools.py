@@ -130,11 +130,11 @@ def hold(tool: str) -> tuple[float, float]:
 
 def _add_named(spec: mujoco.MjSpec, body: Any, name: str) -> None:
     if (from_file := gripper.of(name)) is not None:
-        own, peg = from_file
-        own.add(spec, body)
-        _set_inertial(body, own.mass, own.com, own.inertia)
+        hand, peg = from_file
+        hand.add(spec, body)
+        _set_inertial(body, hand.mass, hand.com, hand.inertia)
         if peg:
-            _add_peg(body, int(peg[3:]) / 1000, own.grasp)
+            _add_peg(body, int(peg[3:]) / 1000, hand.grasp)
         return
     match = re.fullmatch(r"meg50(?:\+peg(\d+))?", name)
     diameter = int(match[1]) / 1000 if match and match[1] else None
