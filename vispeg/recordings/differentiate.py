@@ -123,7 +123,7 @@ def _blocks(
     margin = SPLINE + int(min(np.ceil(SETTLE / max(2 * cutoff_hz * period, 1e-9)), BLOCK))
     for start in range(0, len(run), BLOCK):
         stop = min(start + BLOCK, len(run))
-        first, last = run[start], run[stop] if stop < len(run) else run[-1] + 1
+        first, last = run[start], (run[stop] if stop < len(run) else run[-1] + 1)
         yield run[max(start - margin, 0) : stop + margin], inside[(inside >= first) & (inside < last)]
 
 

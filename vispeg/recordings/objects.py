@@ -166,7 +166,7 @@ def turn_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     v = np.where(w[..., None] < 0, -v, v)
     sine = np.linalg.norm(v, axis=-1, keepdims=True)
     angle = 2 * np.arctan2(sine, np.abs(w)[..., None])
-    return v * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)
+    return v * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)  # angle / sine -> 2 without a turn
 
 
 def write_object(recording: ObjectRecording, folder: Path | str, overwrite: bool = False, inputs: Any = ()) -> Path:

@@ -179,7 +179,7 @@ class Recording:
         """
         if self.clock is not None:
             return self.clock
-        first = np.flatnonzero(np.diff(self.time, prepend=np.inf) <= 0)
+        first = np.flatnonzero(np.diff(self.time, prepend=np.inf) <= 0)  # the first sample, and those after a step back
         return self.time - np.repeat(self.time[first], np.diff(first, append=len(self.time)))
 
     def some(self, rows: Any) -> Recording:

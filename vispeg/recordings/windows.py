@@ -24,7 +24,7 @@ READABLE = 0.9  # least share of a window's angles that must not be missing
 
 
 def records(recordings: Sequence[Recording]) -> list[Mapping[str, object]]:
-    """Return the chosen windows for a record; empty if every recording is used whole."""
+    """Return the chosen windows as plain data; empty if every recording is used whole."""
     return [{"recording": r.name} | asdict(r.chosen) | {"said": r.chosen.said(r.name)} for r in recordings if r.chosen]
 
 
@@ -48,11 +48,11 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
     if not 0 < seconds < length - LENGTH:
         return rec
     cells, turns, spans, tops = _cells(rec, runs)
-    lasts = np.array([rec.time[stop - 1] - rec.time[first] for first, stop in spans])
+    durations = np.array([rec.time[stop - 1] - rec.time[first] for first, stop in spans])
     moves = tops[0] > STANDS * tops[0].max(axis=0)  # (w, nj)
-    picked = _greedy(cells, spans, lasts, seconds)
+    picked = _greedy(cells, spans, durations, seconds)
     if not moves[picked].any(axis=0).all():
-        picked = _greedy(cells, spans, lasts, seconds, moves)
+        picked = _greedy(cells, spans, durations, seconds, moves)
     picked = sorted(picked, key=lambda k: spans[k][0])
     parts = [spans[k] for k in picked]  # adjacent ones are not merged: a batch of equal lengths is simulated fastest
     most, overall = tops[:, picked].max(axis=1), tops.max(axis=1)
@@ -146,7 +146,7 @@ def _cells(
     turn = _turns(dq, moving)
     parts.append(turn * np.uint8(LOOK_HZ / 4))  # a reversal counts as a quarter of a second in a cell of its own
     cell, period = np.concatenate(parts, axis=1), every / rate
-    size = [np.minimum(np.nan_to_num(np.abs(x)), _top(x)) for x in (dq, ddq, load - (low + high) / 2)]
+    magnitudes = [np.minimum(np.nan_to_num(np.abs(x)), _top(x)) for x in (dq, ddq, load - (low + high) / 2)]
     width = max(1, round(LENGTH / period))
     counts, turns, spans, tops = [], [], [], []
     for part, (first, stop) in _candidates(runs, every, width):
@@ -158,10 +158,10 @@ def _cells(
         counts.append(period * cell[part].sum(axis=0, dtype=float))
         turns.append(int(turn[part].sum()))
         spans.append((first, stop))
-        tops.append([x[part].max(axis=0) for x in size])
+        tops.append([x[part].max(axis=0) for x in magnitudes])
     if not spans:  # gaps leave no whole window: the beginning is used
         spans = [(0, min(len(runs[0]), width * every))]
-        counts, turns, tops = [np.zeros(cell.shape[1])], [0], [[x.max(axis=0) for x in size]]
+        counts, turns, tops = [np.zeros(cell.shape[1])], [0], [[x.max(axis=0) for x in magnitudes]]
     return np.array(counts), np.array(turns), spans, np.swapaxes(np.array(tops), 0, 1)
 
 
@@ -212,20 +212,20 @@ def _turns(dq: np.ndarray, moving: np.ndarray) -> np.ndarray:
 def _greedy(
     cells: np.ndarray,
     spans: list[tuple[int, int]],
-    lasts: np.ndarray,
+    durations: np.ndarray,
     seconds: float,
     moves: np.ndarray | None = None,
 ) -> list[int]:
     """Choose windows (rows of `cells` (w, k)) greedily without overlap, each the one that adds most to the sum of logs.
 
-    The windows last `lasts` (w,) s, those chosen `seconds` in total at most. With `moves` (w, nj), windows with the
+    The windows last `durations` (w,) s, those chosen `seconds` in total at most. With `moves` (w, nj), windows with the
     most joints that stand in all windows chosen before come first.
     """
     have, free, picked = np.zeros(cells.shape[1]), np.ones(len(cells), bool), []
     moved = np.zeros(0 if moves is None else moves.shape[1], bool)
     starts, stops = np.array(spans).T
-    left = max(seconds, lasts.min())
-    while (fits := free & (lasts <= left)).any():
+    left = max(seconds, durations.min())
+    while (fits := free & (durations <= left)).any():
         gain = np.log1p((have + cells) / ENOUGH).sum(axis=1)
         if moves is not None:
             gain += (1.0 + gain.max()) * (moves & ~moved).sum(axis=1)  # more than the gain of any window
@@ -234,7 +234,7 @@ def _greedy(
             moved |= moves[best]
         picked.append(best)
         have += cells[best]
-        left -= lasts[best]
+        left -= durations[best]
         free &= (stops <= starts[best]) | (starts >= stops[best])
     return picked
 

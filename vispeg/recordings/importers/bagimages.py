@@ -185,7 +185,10 @@ def _raw(message: Any, source: Path, topic: str) -> tuple[np.ndarray, float]:
     if encoding in BAYER:
         return cv2.cvtColor(np.ascontiguousarray(rows), getattr(cv2, f"COLOR_Bayer{BAYER[encoding]}2RGB")), DEPTH_UNIT
     image = rows.reshape(height, width, channels)[..., :3]
-    image = np.repeat(image, 3, axis=2) if channels == 1 else image[..., ::-1] if encoding.startswith("b") else image
+    if channels == 1:
+        image = np.repeat(image, 3, axis=2)
+    elif encoding.startswith("bgr"):
+        image = image[..., ::-1]
     return np.ascontiguousarray(image), DEPTH_UNIT
 
 

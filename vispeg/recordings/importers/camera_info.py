@@ -15,7 +15,7 @@ MODELS = ("plumb_bob", "rational_polynomial")
 def described(name: str, info: Any, rectified: bool, **where: Any) -> RecordedCamera:
     """Return the camera of the pictures that a CameraInfo message describes, without a pose.
 
-    The message states those of the whole sensor; the pictures may be a part of it (`roi`) in which blocks of
+    The message states the intrinsics of the whole sensor; the pictures may be a part of it (`roi`) in which blocks of
     `binning_x` times `binning_y` pixels became one.
 
     Args:
@@ -28,6 +28,7 @@ def described(name: str, info: Any, rectified: bool, **where: Any) -> RecordedCa
         UserError: not calibrated, a lens that Brown's model does not express, or a part of rectified pictures that is
             not the part of the sensor.
     """
+    # fields are k, d and p in ROS 2, and K, D and P in ROS 1
     K, D, P = (np.ravel(getattr(info, name, getattr(info, name.upper(), ()))).astype(float) for name in "kdp")
     lens, model = np.zeros(0) if rectified else D, str(info.distortion_model)
     if np.any(lens) and (model not in MODELS or np.any(lens[5:])):

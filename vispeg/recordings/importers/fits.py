@@ -103,8 +103,8 @@ def order_that_fits(rec: Recording, needs: Needs) -> Order | None:
 
     def error(order: Sequence[int]) -> float:
         """Return the RMS torque residual in this order, after each joint's constant offset is removed."""
-        left = tau[:, order] - needs(*(part[:, order] for part in motion))
-        return float(np.sqrt(np.mean((left - left.mean(axis=0)) ** 2)))
+        residual = tau[:, order] - needs(*(part[:, order] for part in motion))
+        return float(np.sqrt(np.mean((residual - residual.mean(axis=0)) ** 2)))
 
     n = tau.shape[1]
     given = error(range(n))

@@ -100,7 +100,10 @@ def _keys(wanted: Sequence[str], kinds: Mapping[str, Any], root: Path) -> list[s
 
 
 def where(root: Path, pattern: str, key: str, episode: int, chunk: int) -> tuple[Path, float]:
-    """Return an episode's video file and the episode's start time in it, s. Raises UserError: there is no such file."""
+    """Return an episode's video file and the episode's start time in it, s. Raises UserError: there is no such file.
+
+    `chunk` is the number of episodes to a folder, in format 2.
+    """
     words: dict[str, str | int] = {"video_key": key, "episode_index": episode, "episode_chunk": episode // chunk}
     start = 0.0
     if "{file_index" in pattern:

@@ -93,7 +93,8 @@ def _degrees(rec: Recording, limits: Limits, stated: bool, fast: np.ndarray) -> 
     beyond = float(np.mean((rec.q < low - FAR) | (rec.q > high + FAR)))
     fits = not np.any((rec.q * RADIANS < low) | (rec.q * RADIANS > high))
     if beyond > 0.02 and fits:
-        sure = bool(np.max(fast) > 5.0 and np.max(fast) * RADIANS < 1.5)  # a wrapped angle is no faster than others
+        # angles that only wrap have possible speeds
+        sure = bool(np.max(fast) > 5.0 and np.max(fast) * RADIANS < 1.5)
         column = f"q.{rec.joints[int(np.argmax(np.mean((rec.q < low - FAR) | (rec.q > high + FAR), axis=0)))]}"
         return Doubt(column, f"{beyond:.0%} of the angles are outside the joints' ranges", "deg", sure)
     peak = float(np.nanmax(np.abs(rec.q)))

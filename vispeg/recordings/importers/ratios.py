@@ -152,7 +152,5 @@ def _end(beyond: Callable[[float], float], log: float, way: int) -> float:
         step *= 2
     if step >= 2.0:
         return log + way * 2.0
-    return (
-        float(optimize.brentq(lambda x: beyond(log + way * x), step / 2 if step > 1e-3 else 0.0, step, xtol=1e-4)) * way
-        + log
-    )
+    inside = step / 2 if step > 1e-3 else 0.0
+    return log + way * float(optimize.brentq(lambda x: beyond(log + way * x), inside, step, xtol=1e-4))

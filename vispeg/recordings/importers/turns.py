@@ -50,6 +50,7 @@ def beside(goal: np.ndarray, q: np.ndarray, episode: np.ndarray | None = None) -
         episode: (n,) episode number of each row; None for a single episode.
     """
     straight, _ = straightened(goal, np.tile([-np.inf, np.inf], (goal.shape[1], 1)), episode)
+    # the median of an episode's readings; 0 if there are none
     away = np.ma.masked_invalid((straight - q) / TURN)
     of_episode = _by_episode(away, episode, lambda part: np.ma.filled(np.ma.median(part, axis=0), 0.0))
     return straight - TURN * np.round(np.ma.getdata(of_episode))

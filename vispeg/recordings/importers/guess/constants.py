@@ -81,8 +81,13 @@ def stated(texts: Sequence[str], joints: Sequence[str]) -> dict[str, Constant]:
         if arm is None:
             return {joint: _constant(name) for joint in joints}
         known = of_arm(name, joints)
-        if known or len(arm["motor"]) != len(joints):
-            return known or _refuse_arm(name, arm, joints)
+        if known:
+            return known
+        if len(arm["motor"]) != len(joints):
+            expected = f"an arm with {', '.join(arm['motor'])}"
+            raise UserError(
+                f"{name}'s constants are of other joints", key=KEY, expected=expected, got=", ".join(joints)
+            )
         return dict(zip(joints, of_arm(name, [*arm["motor"]]).values(), strict=True))
     if any("=" in text for text in texts):
         out = {}
@@ -96,11 +101,6 @@ def stated(texts: Sequence[str], joints: Sequence[str]) -> dict[str, Constant]:
     if len(texts) != len(joints):
         raise UserError("not a number a joint", key=KEY, expected=f"{len(joints)} numbers", got=len(texts))
     return {joint: _constant(text) for joint, text in zip(joints, texts, strict=True)}
-
-
-def _refuse_arm(name: str, arm: Mapping[str, Any], joints: Sequence[str]) -> Any:
-    expected = f"an arm with {', '.join(arm['motor'])}"
-    raise UserError(f"{name}'s constants are of other joints", key=KEY, expected=expected, got=", ".join(joints))
 
 
 def _constant(text: str) -> Constant:

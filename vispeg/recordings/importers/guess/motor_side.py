@@ -162,7 +162,7 @@ def _of_motor(table: Table, out: Proposal, angle: Line, other: Line, value: floa
     elif signal == "q_cmd":
         ratio = slope(measured, values, TOGETHER)
     else:
-        return True
+        return True  # commanded speeds are taken to be on the angle's side
     return ratio is None or abs(math.log(ratio)) < abs(math.log(ratio / value))
 
 

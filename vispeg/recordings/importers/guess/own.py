@@ -1,4 +1,4 @@
-"""Propose signals of one's own: columns that come one a joint and whose quantity a recording has no column for."""
+"""Propose user-defined signals: one column per joint, of a quantity for which a recording has no column."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class _Column:
 
 
 def own_signals(out: Proposal, table: Table, joints: Sequence[str], labels: Mapping[str, str]) -> None:
-    """Propose a signal of one's own for each group of unused columns that has one a joint.
+    """Propose a user-defined signal for each group of unused columns with one column per joint.
 
     Args:
         out: the proposal, modified in place.

@@ -257,9 +257,9 @@ def own_names(meanings: list[Meaning], joints: Sequence[str], table: Table) -> l
     """
     full = {"_".join(split(joint)): joint for joint in joints}
     short = {"_".join(word for word in split(joint) if word not in FILL): joint for joint in joints}
-    own = full | {label: joint for label, joint in short.items() if label and not label.isdigit()}
+    joint_of = full | {label: joint for label, joint in short.items() if label and not label.isdigit()}
     words = {m.name: split(bare(m.name)) for m in meanings if not m.quantity}
-    found = {name: own[key] for name, parts in words.items() if (key := "_".join(parts)) in own}
+    found = {name: joint_of[key] for name, parts in words.items() if (key := "_".join(parts)) in joint_of}
     if len(set(found.values())) < min(2, len(joints)):
         return meanings
     stems = {_unnumbered(words[name]) for name in found if any(word.isdigit() for word in words[name])}
@@ -549,8 +549,11 @@ def _pair(table: Table, meanings: list[Meaning]) -> tuple[str, str] | None:
     """Return the seconds and nanoseconds columns of a split time stamp (as of ROS or KUKA); None without one."""
     names = [m.name for m in meanings if m.name in table.columns]
     for fine in names:
-        for coarse in names if (of := _before(fine, NANOS)) is not None else ():
-            if _before(coarse, SECONDS) == of:
+        words = _before(fine, NANOS)
+        if words is None:
+            continue
+        for coarse in names:
+            if _before(coarse, SECONDS) == words:
                 nanos, whole = table.columns[fine], table.columns[coarse]
                 total = whole + 1e-9 * nanos
                 if values.all_integers(whole) and 0 <= values.span(nanos)[0] and values.increases(total):
@@ -588,8 +591,8 @@ def _leftover(table: Table, meanings: list[Meaning], out: Proposal) -> None:
 
 def _amperes(columns: Mapping[str, Meaning]) -> str:
     """Return the unit that the names of all currents state, or ""."""
-    said = {m.unit for m in columns.values()}
-    return said.pop() if len(said) == 1 else ""
+    stated = {m.unit for m in columns.values()}
+    return stated.pop() if len(stated) == 1 else ""
 
 
 def _sensor(names: list[str], out: Proposal) -> None:

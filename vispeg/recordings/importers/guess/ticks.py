@@ -90,7 +90,7 @@ def decoded(
         return none
     if not any(calibrated) and all(_decimal(step) for step in steps):
         return none
-    out = none
+    out = [*none]
     for j, (span, full, stated) in enumerate(zip(found, fulls, calibrated, strict=True)):
         distinct = len(np.unique(stack[:, j]))
         if stated is not None and (span is None or stated % span == 0):

@@ -57,8 +57,8 @@ def units_of(
     for signal in sorted(columns, key=lambda s: {"q": 0, "q_cmd": 1}.get(s, 2)):
         if signal in out:
             continue
-        said = {m.unit for m in columns[signal]} - {""}
-        unit = said.pop() if len(said) == 1 else ""
+        stated = {m.unit for m in columns[signal]} - {""}
+        unit = stated.pop() if len(stated) == 1 else ""
         values = stacks[signal]
         if signal in ("q", "q_cmd"):
             out[signal] = _angle(unit, values, limits, signal, columns[signal], doubts)
@@ -123,7 +123,7 @@ def _torque(unit: str, values: np.ndarray, limits: Limits, doubts: list[str]) ->
 
 def time_unit(
     time: np.ndarray,
-    said: str,
+    stated: str,
     stacks: Mapping[str, np.ndarray],
     units: Mapping[str, tuple[str, str]],
     limits: Limits,
@@ -144,10 +144,10 @@ def time_unit(
     def rate(unit: str) -> str:
         return f"{1.0 / (period * FACTORS[unit]):.4g} Hz"
 
-    if said in TIMES:
-        if said in fits or not fits:
-            return said, f"the name says {said}: {rate(said)}"
-        doubts.append(f"the time's name says {said}, which would be {rate(said)}; the motion allows {fits[0]}")
+    if stated in TIMES:
+        if stated in fits or not fits:
+            return stated, f"the name says {stated}: {rate(stated)}"
+        doubts.append(f"the time's name says {stated}, which would be {rate(stated)}; the motion allows {fits[0]}")
         return fits[0], f"{rate(fits[0])}, and speeds that the joints can do"
     if len(dates) == 1:
         return dates[0], f"dates since 1970 in {dates[0]}: {rate(dates[0])}"
