@@ -132,6 +132,7 @@ def _robot_with_cameras(world: World) -> RobotModel:
     if not isinstance(robot, Scene):
         return robot
     extra = [e.where for e in world.effects if effect(e.effect).family == "camera"]
+    # only names are used, so the size, (64, 64), is arbitrary
     known = standard_cameras(robot.tip, robot.target) if robot.goal else cameras_of(robot.nominal, (64, 64))
     return replace(robot, cameras=tuple(dict.fromkeys([*(camera.name for camera in known), *extra])))
 

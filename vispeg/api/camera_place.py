@@ -130,7 +130,7 @@ def _interpretations(table: Table, robot: str | None, form: str | None) -> tuple
         raise UserError(
             "a tag's pose without orientation", file=table.file, expected="qw qx qy qz, rx ry rz or roll pitch yaw"
         )
-    # each of these assumes something of the joints and something of the tag: take both apart, and each once
+    # each combination assumes something of the joints and something of the tag: collect both separately, each once
     angles, tags = {}, {}
     for way in combined:
         of_joints = [text for text in way.said if text.startswith("joint")]

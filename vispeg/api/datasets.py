@@ -176,7 +176,7 @@ def render_dataset(
         require("ray", "--engine ray")
     shape = {"looks": looks, "cameras": several(cameras), "size": size, "seed": seed, "noise": noise}
     start = time.monotonic()
-    resumed = list[int]()  # frames of an earlier run, once `on_frames` is called first
+    resumed = list[int]()  # number of frames of an earlier run; empty until the first call of `on_frames`
 
     def on_frames(drawn: int) -> None:
         if not resumed:

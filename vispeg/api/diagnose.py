@@ -160,7 +160,7 @@ def diagnose(
             raise UserError("a policy needs a robot, not a free object", key="--policy", expected="a robot's model")
         if not isinstance(baseline, Sequence) or len(baseline):
             raise UserError("an object has no baseline", key="--baseline", expected="two diagnoses, one of each state")
-        resolve(thing, asked=channels)
+        resolve(thing, asked=channels)  # refuses channels that an object does not have
         tosses = diagnose_tosses(thing, recordings, validate, seed, threads, say, None if part is None else Path(part))
         record = finite({**tosses.result.record, "provenance": tosses.provenance})
         named = tosses.result.world.effects[len(thing.effects) :]

@@ -237,7 +237,8 @@ def explain(
             notes.append(ASSUMED)
         options = {"notes": notes, "parted": parted, "repeats": repeats or senses.ASSUMED}
         record = why.summarise(who[0].name, read, played, [group[0] for group in replayed], causes, **options)
-        torque, more, home = None, [], ""  # the missing torque, episodes with it, and the training world
+        # the missing torque; episodes as found, with it, in the training world, and there with random torque; its name
+        torque, more, home = None, [], ""
         if remainder:
             bridging = Bridging(who[0], str(world), file, named, dict(task or {}), place / "worlds", seed)
             simulated = [r for group in replayed for r in group]
@@ -265,8 +266,9 @@ def explain(
         )
         ends = [*ends, *(e for group in more for e in group)]
         if apply and out is not None:
-            where = place, Path(out)
-            record["next"] = _applied(record, *where, str(policy), file, dict(task or {}), model, Path(trials))
+            record["next"] = _applied(
+                record, place, Path(out), str(policy), file, dict(task or {}), model, Path(trials)
+            )
         about = {**record, "world": {"name": file.name, "hash": file.hash}, "replays": replays}
         result = ExplainResult(
             stamped(about, seed, folders(who)), tuple(ends), (), tuple(sources), names_of(place / EPISODES), strip

@@ -163,6 +163,7 @@ def fit(
     both = inputs.fitted, inputs.held_out
     used = resolve(world, *both, asked=channels)
     channel = fitted_in(used, [world.effects[i].effect for i in free])
+    # `inputs.key` begins with the text of the model without the added effects
     key = [model_text(world), *inputs.key()[1:], list(free), seconds, method, starts, seed, stamp["versions"], channel]
     checkpoint = None
     if part is not None:

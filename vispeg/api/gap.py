@@ -130,7 +130,7 @@ def gap(
     if not named and not files:
         raise UserError("nothing to evaluate", expected="policy folders, or --records FILE")
     who, stored_before = ready(policies) if named else [], read_all(files) if files else []
-    stood = names_of(*files)
+    stored_names = names_of(*files)
     networks = [*((e.name, e.train_seed) for e in who), *((e.policy, e.train_seed) for e in stored_before)]
     digests = {e.exported: (e.name, e.train_seed) for e in who if e.exported}
     digests |= {e.digest: (e.name, e.train_seed) for e in who}
@@ -156,7 +156,7 @@ def gap(
         played = []
         if chosen is not None:
             if stored_before:
-                take_in(stored_before, stood, place)
+                take_in(stored_before, stored_names, place)
             jobs = make_jobs(who, chosen.settings(), seeds_of(episodes, seed), place / "worlds")
             played = play(jobs, place, workers, playing, engine)
         ends = {e.key: e for e in [*stored_before, *played]}
@@ -165,6 +165,7 @@ def gap(
         # policy's name -> digest; in `made_with` a name ends in /sSEED
         known = {name.rpartition("/")[0]: digest for file in files for name, digest in made_with(file).items()}
         known |= {e.name: e.digest for e in who}
+        # the scripted expert, and its usual name unless that is another policy's
         scripted = {name for name, digest in known.items() if digest == EXPERT} | ({EXPERT} - set(known))
         homes = {e.name: {h for r in who if r.name == e.name for h in r.trained_on} for e in who if e.trained_on}
         values = gaps.gap(every, names[0], targets, seed, [*tolerance_notes, *trials.notes], scripted, homes)
@@ -173,8 +174,8 @@ def gap(
         media = film_seeds(jobs, list(ends.values()), filmed_in, place / "media", videos) if filmed else []
         inputs = [*files, *([Path(measured)] if measured else [])]
         sources = tuple(p for p in read if p is not None)
-        stood = names_of(place / EPISODES) if who else stood
-        result = GapResult(stamped(values, seed, inputs), tuple(every), tuple(media), sources, stood)
+        stored_names = names_of(place / EPISODES) if who else stored_names
+        result = GapResult(stamped(values, seed, inputs), tuple(every), tuple(media), sources, stored_names)
         if out is not None and who:
             result._write(place)
     if out is not None and not who:

@@ -131,20 +131,20 @@ def _lacking(
     model: mujoco.MjModel, plain: mujoco.MjModel, roles: Mapping[str, list[int]], mimics: Mapping[int, int]
 ) -> tuple[str, ...]:
     """Return the features of `model` that URDF has no element for; shapes are those of `plain`, without effects."""
-    of = [model.joint(j).name for j in range(model.njnt)]
+    joints = [model.joint(j).name for j in range(model.njnt)]
     sprung = (model.jnt_stiffness > 0) | model.jnt_stiffnesspoly.any(axis=1)
     curved = model.dof_dampingpoly[model.jnt_dofadr].any(axis=1)
     shown = [g for geoms in roles.values() for g in geoms]
     named = {
-        "springs of": [name for name, there in zip(of, sprung, strict=True) if there],
-        "damping that grows with speed of": [name for name, there in zip(of, curved, strict=True) if there],
+        "springs of": [name for name, there in zip(joints, sprung, strict=True) if there],
+        "damping that grows with speed of": [name for name, there in zip(joints, curved, strict=True) if there],
         "couplings": [
             model.equality(i).name or f"equality{i + 1}"
             for i in np.flatnonzero(model.eq_active0)
             if i not in mimics.values()
         ],
         "tendons": [model.tendon(i).name or f"tendon{i + 1}" for i in range(model.ntendon)],
-        "shapes": sorted({G(int(k)).name[7:].lower() for k in plain.geom_type[shown]} - {*SHAPES}),
+        "shapes": sorted({G(int(k)).name.removeprefix("mjGEOM_").lower() for k in plain.geom_type[shown]} - {*SHAPES}),
     }
     out = [f"{what} {', '.join(names)}" for what, names in named.items() if names]
     if not np.allclose(model.opt.gravity, (0, 0, -GRAVITY)):
@@ -314,6 +314,6 @@ def _joint(
     xml.SubElement(joint, "limit", {k: f"{v:.12g}" for k, v in {"lower": low, "upper": high, **ends}.items()})
     if j in mimics:
         at, offset, factor = model.eq_obj2id[mimics[j]], *model.eq_data[mimics[j], :2]
-        rest, other = model.qpos0[model.jnt_qposadr[[j, at]]]  # MuJoCo couples the deviations from these angles
-        line = {"multiplier": f"{factor:.12g}", "offset": f"{rest + offset - factor * other:.12g}"}
+        own, other = model.qpos0[model.jnt_qposadr[[j, at]]]  # MuJoCo couples the deviations from these angles
+        line = {"multiplier": f"{factor:.12g}", "offset": f"{own + offset - factor * other:.12g}"}
         xml.SubElement(joint, "mimic", {"joint": model.joint(int(at)).name, **line})

@@ -60,7 +60,7 @@ def measure_joint(
             if loop is None:
                 notes += [f"the actuator is for an inertia of 1 kg m2: {why}"]
                 loop, friction = alone(measured.servo, 1.0)[0], "none is known in N m"
-            turned = inertia if inertia is not None else 1.0 if arm is None else arm.held
+            turned = inertia if inertia is not None else (1.0 if arm is None else arm.held)
             details["actuator"] = {"inertia_kgm2": turned, **parameters(loop)}
             if arm is not None:
                 details["actuator"] |= {"servo_reference_inertia_kgm2": arm.reference}

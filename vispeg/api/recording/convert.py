@@ -227,5 +227,6 @@ def _cameras(files: Sequence[Path], robot: RobotModel) -> Mapping[str, RecordedC
                 raise UserError(f"camera '{camera.name}' is stated twice", file=file, got=str(stated[camera.name]))
             new, old = recorded_of(camera), out.get(camera.name)
             stated[camera.name] = Path(file)
+            # a file without poses leaves that of the robot's file
             out[camera.name] = new if posed else replace(new, mount=old and old.mount, pose=old and old.pose)
     return out

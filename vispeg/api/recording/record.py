@@ -205,6 +205,7 @@ def record(
     of_cells = motions_of(world)
     looks = asked.motion.startswith("look") and not asked.is_file and asked.motion not in of_cells
     on_bench = world.cell is None and asked.motion != "osc"
+    # pictures without contact: a motion for cameras, or one of joints with `cameras`
     if looks or (asked.cameras and (asked.is_file or on_bench) and _of_joints(asked)):
         result = _of_cameras(asked, world, watch)
     elif world.cell is not None and (asked.motion in of_cells or not _of_joints(asked)):
