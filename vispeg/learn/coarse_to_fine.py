@@ -76,6 +76,7 @@ class CoarseToFine:
         self.estimate = self.coarse.estimate
         # m, from the goal's nominal place; from its believed place for a coarse policy of modality `state`
         measured = self.unit * obs[VECTOR][:, self.tip][:, :2]
+        # m, in the goal's frame; without an estimate the believed place is the goal
         offset = measured if self.estimate is None else self.estimate[:, :2]
         weight = np.where(self.sights == 0, 1.0, NEWEST) * ~self.fine_has
         self.goal += weight[:, None] * (measured - offset - self.goal)

@@ -23,7 +23,8 @@ NETWORK = Format("vispeg-policy/1", "a policy", KEYS, ("modality", "layout"), "j
 PAIR = Format("vispeg-coarse-to-fine/1", "a policy of two", ("modality", "within", "meta"), ("within",), "json")
 WEIGHTS = "policy.safetensors"
 COARSE, FINE = "coarse", "fine"  # sub-folders of a pair, each with one policy
-FILES = tuple(f"{part}{name}" for part in ("", f"{COARSE}/", f"{FINE}/") for name in (META, WEIGHTS))  # of one or two
+# of one policy or a pair
+FILES = tuple(f"{part}{name}" for part in ("", f"{COARSE}/", f"{FINE}/") for name in (META, WEIGHTS))
 WIDEST, LAYERS = 8192, 16  # largest width of a layer, largest number of layers
 
 

@@ -43,9 +43,9 @@ class Frames(torch.utils.data.Dataset[dict[str, torch.Tensor]]):
     def __getitem__(self, index: int) -> dict[str, torch.Tensor]:
         self._data = self._data or Dataset(self.folder, self.wanted)
         frame = self._data[index]
-        return {self._name(k): torch.from_numpy(self._first(k, v)) for k, v in frame.items()}
+        return {self._name(k): torch.from_numpy(self._channels_first(k, v)) for k, v in frame.items()}
 
-    def _first(self, name: str, value: np.ndarray) -> np.ndarray:
+    def _channels_first(self, name: str, value: np.ndarray) -> np.ndarray:
         if not is_picture(self.features[name]):
             return np.array(value)
         return np.ascontiguousarray(np.moveaxis(value, -1, 0)) if value.ndim == 3 else value[None].copy()

@@ -129,8 +129,9 @@ def from_folder(
     clipped, success_known = 0, index.successes is not None
     for number in numbers:
         observations, actions, reward = read(number)
-        # A folder has no frame after an episode's last action. Imitation needs none, and the value of a success none
-        # either. Where success is not recorded, time may have ended the episode: its value goes on from the last frame.
+        # A folder has no frame after an episode's last action. Imitation needs none, nor does a success, after which no
+        # reward follows. Where success is not recorded, time may have ended the episode: its value goes on from the
+        # last frame.
         steps = len(actions) - (beside is not None and not success_known)
         clipped += int((np.abs(actions) > 1 + BEYOND).any(axis=1).sum())
         for t in range(steps):

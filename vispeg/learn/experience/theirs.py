@@ -47,9 +47,9 @@ class Theirs:
         acted = data.info["features"].get(ACTION)
         if acted is None:
             raise UserError("has no actions", file=self.folder, key=ACTION, choices=data.info["features"])
-        i, arm = interface, interface.arm
+        arm = interface.arm
         stated = {"names": entries(acted["names"]), "width": int(np.prod(acted["shape"])), "source": self.folder}
-        self.actions = Actions(action, i, i.chain, i.tool.tip_m, arm.joints, **stated)
+        self.actions = Actions(action, interface, interface.chain, interface.tool.tip_m, arm.joints, **stated)
         self.joints, self.speeds = arm.joints, tuple(f"{joint}.vel" for joint in arm.joints)
         self._executed = EXECUTED in data.info["features"]
         self._check(data.info["fps"])
@@ -110,10 +110,10 @@ class Theirs:
         meant = episode[ACTION].reshape(len(episode[ACTION]), -1)
         o = self._observer(number, episode, len(meant))
         offset = finite(self.actions.offset(meant, o), ACTION, self.folder, number)
-        done = offset
+        executed = offset
         if self._executed:
-            done = finite(episode[EXECUTED].reshape(len(meant), -1), EXECUTED, self.folder, number)
-        o.action[1:] = np.clip(done, -1, 1)[:-1]  # of the step before; none at the first frame
+            executed = finite(episode[EXECUTED].reshape(len(meant), -1), EXECUTED, self.folder, number)
+        o.action[1:] = np.clip(executed, -1, 1)[:-1]  # of the step before; none at the first frame
         values, stack = scaled(self.interface.terms, o), Stack(self.interface.stack, o.n, o.stack.values.shape[-1])
         for back in range(self.interface.stack):
             stack.values[back] = values[np.maximum(np.arange(o.n) - back, 0)]

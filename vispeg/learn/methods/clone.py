@@ -43,10 +43,10 @@ def optimizer_of(actor: Actor, settings: CloneSettings) -> torch.optim.Optimizer
     """Return Adam for an actor; image encoders with another learning rate get their own parameter group."""
     if settings.encoders == 1.0 or not len(actor.encoders):
         return torch.optim.Adam(actor.parameters(), settings.lr, fused=True)
-    eyes = [*actor.encoders.parameters()]
-    encoders = {id(p) for p in eyes}
-    head = {"params": [p for p in actor.parameters() if id(p) not in encoders], "share": 1.0}
-    return torch.optim.Adam([head, {"params": eyes, "share": settings.encoders}], settings.lr, fused=True)
+    encoders = [*actor.encoders.parameters()]
+    ids = {id(p) for p in encoders}
+    head = {"params": [p for p in actor.parameters() if id(p) not in ids], "share": 1.0}
+    return torch.optim.Adam([head, {"params": encoders, "share": settings.encoders}], settings.lr, fused=True)
 
 
 def clone(

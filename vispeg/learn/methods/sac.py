@@ -126,7 +126,7 @@ class AsymmetricSAC(SAC):
     def train(self, gradient_steps: int, batch_size: int = 0) -> None:
         """Run `settings.utd` gradient updates per environment step since the last call."""
         self._owed += self.settings.utd * self.n_envs
-        if not len(self.replay) and not self._shown:
+        if not len(self.replay) and not self._demos_in_batch:
             return  # nothing to draw yet: a step can be drawn once the next one is there
         if not self.measured:
             self.measure()
@@ -157,13 +157,13 @@ class AsymmetricSAC(SAC):
         self.measured = True
 
     @property
-    def _shown(self) -> int:
+    def _demos_in_batch(self) -> int:
         """Number of demonstrations in a batch."""
         return 0 if self.demos is None else round(self.settings.batch * self.settings.demo_fraction)
 
     def _sample(self, images: Images) -> tuple[Batch, int]:
         """Draw a batch; also return how many rows at its end are demonstrations."""
-        s, rng, demos = self.settings, self.replay.rng, self._shown
+        s, rng, demos = self.settings, self.replay.rng, self._demos_in_batch
         if self.demos is None or demos == 0:
             return draw(self.replay, s.batch, s.horizon, bool(s.recurrent), rng, images), 0
         demo_batch = draw(self.demos, demos, s.horizon, bool(s.recurrent), rng, images)

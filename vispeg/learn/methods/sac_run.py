@@ -67,7 +67,7 @@ class SacRun:
         inputs = self.modality, config.world, config.sac, config.threads, folder / DIVERGED
         self.make, self.make_judge = make or maker(*inputs, config.engine), make or maker(*inputs)
         self.course = Curriculum(config.stages, config.pass_rate)
-        self.env, self.judge = self._environments()
+        self.env, self.judge = self._environments()  # of training, and of evaluations
         self.opening: Opening | None = None
         if config.ranges != "full":
             world = RandomizedWorld(getattr(self.env.env, "ranges", ()))
