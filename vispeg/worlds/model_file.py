@@ -98,7 +98,7 @@ def _belief(data: Mapping[str, Any], file: Path) -> CellBelief | None:
         return belief
     if belief.board:
         raise UserError("is stated by the recordings", file=file, key="cell.board", expected="no board in a model")
-    return None  # the bench of the robot's own file needs no statement in the model
+    return None  # a model without a cell has the scene of its robot's file
 
 
 def _robot(data: Mapping[str, Any], belief: CellBelief | None, file: Path) -> str:
@@ -247,7 +247,7 @@ def model_text(world: World) -> str:
         "format": FORMAT,
         "robot": world.robot,
         "tool": "none" if tool is None else tool,
-        **({} if world.cell is None else {"cell": world.cell.plain() or {}}),
+        **({} if world.cell is None else {"cell": world.cell.plain()}),
         "effects": [placed_dict(e) for e in world.effects],
     }
     return yaml.dump(data, Dumper=Plain, sort_keys=False, allow_unicode=True)
