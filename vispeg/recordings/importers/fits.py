@@ -159,6 +159,7 @@ def scales(rec: Recording, needs: Needs) -> Scales | None:
         turns = np.count_nonzero(np.diff(np.sign(dq[np.abs(dq[:, j]) > SPEEDS * top, j])))
         if explained[j] > EXPLAINED and turns >= TURNS:
             scale[j] = slope
+            # n less the slope and the three columns of `others`
             sigma[j] = math.sqrt(max(float(y @ y) - slope * float(x @ y), 0.0) / max(n - 4, 1) / float(x @ x))
     known = np.isfinite(scale)
     if not known.any():

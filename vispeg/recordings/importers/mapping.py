@@ -225,6 +225,7 @@ def _unit(unit: Any, into: str, target: str, file: Path) -> float:
     if unit is None or unit == into:
         return 1.0
     of_signal = UNITS_OF.get(target.partition(".")[0], FACTORS)
+    # of a user-defined signal: the units that convert to its own
     known = of_signal if not into else next((q for q in QUANTITIES if into in q), {into: 1.0})
     if not isinstance(unit, str) or unit not in known:
         what = "is no unit of this signal" if isinstance(unit, str) and unit in FACTORS else "unknown unit"

@@ -26,7 +26,7 @@ CHUNKS, CHUNK = 20, 10_000  # number of stretches of a long recording that are c
 FAR_BEYOND = 10.0  # multiple of a joint's torque limit that no real torque reaches
 MOTION_HZ, POSTURES = 8.0, 1000  # bandwidth of the smoothed motion, and samples at which the model's torque is computed
 CARRIED = 0.8  # least correlation of measured and modelled torques for their scale to be meaningful
-RADIANS = math.pi / 180
+RADIANS = math.pi / 180  # per degree
 
 
 def doubts(rec: Recording, limits: Limits, degrees: bool = False, needs: Needs | None = None) -> list[Doubt]:
@@ -65,6 +65,7 @@ def _excerpt(rec: Recording) -> tuple[Recording, np.ndarray]:
 
 
 def _rate(rate: float) -> Doubt | None:
+    """Return a doubt about a sample rate, Hz, outside `RATES`."""
     if RATES[0] <= rate <= RATES[1]:
         return None
     said, per_second = f"{rate:.4g} samples a second", (("ms", 1e3), ("us", 1e6), ("ns", 1e9))
@@ -89,6 +90,10 @@ def _against_commands(rec: Recording) -> Doubt | None:
 
 
 def _degrees(rec: Recording, limits: Limits, stated: bool, fast: np.ndarray) -> Doubt | None:
+    """Return a doubt about angles that look like degrees, or like radians although they were `stated` to be degrees.
+
+    `fast` (nj,) is the joints' speed over their limit.
+    """
     low, high = limits.range.T
     beyond = float(np.mean((rec.q < low - FAR) | (rec.q > high + FAR)))
     fits = not np.any((rec.q * RADIANS < low) | (rec.q * RADIANS > high))
@@ -104,6 +109,7 @@ def _degrees(rec: Recording, limits: Limits, stated: bool, fast: np.ndarray) -> 
 
 
 def _speeds(rate: float, fast: np.ndarray, rec: Recording) -> Doubt | None:
+    """Return a doubt about joints that are impossibly fast or slow; `rate` in Hz, `fast` as for `_degrees`."""
     if not len(fast):
         return None
     if np.max(fast) > 5.0:

@@ -98,7 +98,7 @@ def ratios(rec: Recording, needs: Needs, joints: Sequence[int]) -> dict[int, Rat
     for _ in range(ROUNDS):
         for j in joints:
             factor = at(j, min([*grid, factor[j]], key=lambda value: cost(at(j, value))))
-    free = max(len(q) // EACH - 5, 2)
+    free = max(len(q) // EACH - 5, 2)  # less what is fitted to a joint: factor, slope, two frictions and a constant
     floor = LEFT * np.maximum(fit(factor)[1], 1e-300)
 
     def unlikely(factor: np.ndarray) -> float:

@@ -311,6 +311,7 @@ def _tick_reason(tick: Decoded) -> str:
 
 
 def _sure(reason: str) -> Literal["stated", "measured", "likely"]:
+    """Return the certainty of a choice, by the words of its reason."""
     if reason.startswith("the name says") or "calibration says" in reason:
         return "stated"
     return "measured" if any(word in reason for word in ("match the change", "whole ", "no other unit")) else "likely"
