@@ -307,13 +307,13 @@ def _joint(
     values = {"damping": model.dof_damping[dof], "friction": model.dof_frictionloss[dof]}
     xml.SubElement(joint, "dynamics", {key: f"{value:.12g}" for key, value in values.items()})
     low, high = model.jnt_range[j] if limited else (-np.pi, np.pi)
-    at = robot.joints.index(name) if name in robot.joints else None
+    place = robot.joints.index(name) if name in robot.joints else None
     most = {"effort": robot.torque_limit, "velocity": robot.velocity_limit}
     # 0 stands for an unknown limit, as `vispeg.robots.urdf` reads it
-    ends = {key: 0.0 if at is None or not np.isfinite(v[at]) else float(v[at]) for key, v in most.items()}
-    xml.SubElement(joint, "limit", {k: f"{v:.12g}" for k, v in {"lower": low, "upper": high, **ends}.items()})
+    limits = {key: 0.0 if place is None or not np.isfinite(v[place]) else float(v[place]) for key, v in most.items()}
+    xml.SubElement(joint, "limit", {k: f"{v:.12g}" for k, v in {"lower": low, "upper": high, **limits}.items()})
     if j in mimics:
-        at, offset, factor = model.eq_obj2id[mimics[j]], *model.eq_data[mimics[j], :2]
-        own, other = model.qpos0[model.jnt_qposadr[[j, at]]]  # MuJoCo couples the deviations from these angles
+        followed, offset, factor = model.eq_obj2id[mimics[j]], *model.eq_data[mimics[j], :2]
+        own, other = model.qpos0[model.jnt_qposadr[[j, followed]]]  # MuJoCo couples the deviations from these angles
         line = {"multiplier": f"{factor:.12g}", "offset": f"{own + offset - factor * other:.12g}"}
-        xml.SubElement(joint, "mimic", {"joint": model.joint(int(at)).name, **line})
+        xml.SubElement(joint, "mimic", {"joint": model.joint(int(followed)).name, **line})
