@@ -155,6 +155,7 @@ def _remove_bodies(spec: mujoco.MjSpec, names: Sequence[str], label: str) -> Non
 
 
 def _hinges_only(spec: mujoco.MjSpec, label: str) -> None:
+    """Fix free bodies and sliding joints. Raises UserError: another joint than hinges is left, or no hinge."""
     _fix_free_bodies(spec)
     slides = [j for j in spec.joints if j.type == SLIDE]
     for joint in spec.joints:

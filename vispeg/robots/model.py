@@ -218,6 +218,7 @@ def check_name(robot: str, file: Path | None = None, key: str | None = None) -> 
 
 
 def _unknown(robot: str, file: Path | None = None, key: str | None = None) -> UserError:
+    """Return the error for an unknown name of a robot."""
     hint = "a name, or a path to an .xml (MJCF) or .urdf"
     if is_file(Path(robot) / "recording.yaml"):
         expected = f"{hint}, or a model; recordings are arguments of their own (--recording {robot})"

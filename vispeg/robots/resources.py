@@ -102,6 +102,7 @@ def _count_element(element: ET.Element, path: Path, base: Path, above: tuple[Pat
 
 
 def _numbers(text: str, key: str, path: Path) -> None:
+    """Check the numbers in an attribute's text. Raises UserError: one is not finite, or a range is inverted."""
     try:
         numbers = [float(word) for word in text.split()]
     except ValueError:

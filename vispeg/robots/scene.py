@@ -218,6 +218,7 @@ def _gripper_and_peg(spec: mujoco.MjSpec, config: SceneConfig) -> dict[str, tupl
 
 
 def _fixture(spec: mujoco.MjSpec, config: SceneConfig, block: UserShape | None) -> dict[str, tuple[str, ...]]:
+    """Add the fixture with its hole, built in or from a file (`block`); return the visible geoms' names by part."""
     visual = {"contype": 0, "conaffinity": 0, "material": "fixture"}
     n = 4 if config.shape == "square" else hole.sides(config.apothem)
     body = spec.worldbody.add_body(name="fixture", pos=config.fixture)

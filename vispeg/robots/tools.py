@@ -109,6 +109,7 @@ def stated(tool: Mapping[str, Any]) -> tuple[float, np.ndarray, np.ndarray]:
 
 
 def _numbers(tool: Mapping[str, Any], key: str, size: int) -> np.ndarray:
+    """Return the numbers (size,) of a key. Raises UserError: it is missing, or not that many finite numbers."""
     what = "a number" if size == 1 else f"{size} numbers"
     if key not in tool:
         raise UserError("missing", key=f"tool.{key}", expected=what)
