@@ -162,6 +162,7 @@ def assemble(
 
 
 def _files(folder: Path) -> tuple[Path, Path]:
+    """Return a recording's header and its table of samples. Raises UserError: the folder does not hold one of each."""
     try:
         if not folder.exists():
             raise UserError("does not exist", file=folder, expected="a recording folder")

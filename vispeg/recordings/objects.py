@@ -134,6 +134,7 @@ def _assemble(header: Header, table: Table, folder: Path) -> ObjectRecording:
 
 
 def _block(table: Table, columns: list[str]) -> np.ndarray:
+    """Return columns side by side, (n, k). Raises UserError: a missing, infinite or impossibly large value."""
     values = np.stack([table.number(name) for name in columns], axis=1)
     check_finite(table, values, columns)
     rows, where = np.nonzero(np.isnan(values))

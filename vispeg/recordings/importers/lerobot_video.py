@@ -85,6 +85,7 @@ def _refuse_numbers(table: Path, episodes: np.ndarray) -> None:
 
 
 def _keys(wanted: Sequence[str], kinds: Mapping[str, Any], root: Path) -> list[str]:
+    """Return the keys of the requested videos. Raises UserError: there is none, or none of that name."""
     videos = [key for key, kind in kinds.items() if kind == "video"]
     if tuple(wanted) == (EVERY,):
         if not videos:

@@ -199,6 +199,7 @@ def _overlapping(
     topic: str,
     source: Path,
 ) -> np.ndarray:
+    """Resample values at `time` to `clock` by the function `onto`. Raises UserError: the two do not overlap."""
     if time[0] > clock[-1] or time[-1] < clock[0]:
         raise UserError(f"{topic} does not overlap the joint states in time (another clock?)", file=source)
     return onto(clock, time, values)

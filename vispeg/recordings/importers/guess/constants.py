@@ -104,6 +104,7 @@ def stated(texts: Sequence[str], joints: Sequence[str]) -> dict[str, Constant]:
 
 
 def _constant(text: str) -> Constant:
+    """Return the constant of a text: a number in N m/A, or a servo's name. Raises UserError: neither."""
     if _is_number(text):
         if not 1e-4 <= float(text) <= 1e4:
             raise UserError("no torque constant", key=KEY, expected="0.0001 to 10000 N m/A", got=text)

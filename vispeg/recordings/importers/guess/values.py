@@ -76,6 +76,7 @@ def units_of(
 def _angle(
     unit: str, values: np.ndarray, limits: Limits, signal: str, columns: list[Meaning], doubts: list[str]
 ) -> tuple[str, str]:
+    """Return the unit of angles and the reason for it; `unit` is what their names state, or ""."""
     if unit in ("rad", "deg", "mrad", "mdeg", "turn"):
         return unit, f"the name says {unit}"
     peak = float(np.nanmax(np.abs(values)))
@@ -104,12 +105,14 @@ def _angle(
 
 
 def _speed(unit: str, angle: str) -> tuple[str, str]:
+    """Return the unit of speeds and the reason for it, as `_angle`; `angle` is the unit of the angles."""
     if unit in STATED:
         return unit, f"the name says {unit}"
     return ("deg/s" if angle == "deg" else "rad/s"), f"as the angles are in {angle}"
 
 
 def _torque(unit: str, values: np.ndarray, limits: Limits, doubts: list[str]) -> tuple[str, str]:
+    """Return the unit of torques and the reason for it, as `_angle`."""
     if unit in ("N m", "mNm", "N cm"):
         return unit, f"the name says {unit}"
     peak = np.nanmax(np.abs(values), axis=0)
