@@ -286,6 +286,7 @@ def _meshes(model: mujoco.MjModel, geoms: Iterable[int], folder: str) -> dict[in
 def _joint(
     root: xml.Element, model: mujoco.MjModel, robot: RobotModel, b: int, shift: np.ndarray, mimics: Mapping[int, int]
 ) -> None:
+    """Add the joint between body `b` and its parent; `shift` as by `_anchors`, `mimics` as by `_mimics`."""
     parent = int(model.body_parentid[b])
     moved = [j for j in range(model.njnt) if model.jnt_bodyid[j] == b]
     kind = KINDS[int(model.jnt_type[moved[0]])] if moved else "fixed"
