@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from vispeg.core.effect import EffectInstance
+from vispeg.core.rules import RULES
 from vispeg.recordings.frames.camera import RecordedCamera
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.standard import standard_cameras
@@ -140,8 +141,24 @@ def test_a_step_is_found_where_it_is():
     )
     found = search(picture, borders)
     assert np.nanmean(found.along) == pytest.approx(at - 38, abs=0.03)
-    assert np.nanstd(found.along) < 1.6 * np.nanmean(found.sigma)
+    assert np.nanstd(found.along) < 0.08
     assert np.isnan(search(np.full_like(picture, 90), borders).along).all()
+
+
+def test_noise_alone_has_no_edges():
+    """Steps of a flat, noisy picture stay under what the noise gives: four times their RMS are not reached."""
+    from vispeg.vision.borders import Borders
+
+    n, noise = 60, 12.0
+    picture = 128 + np.random.default_rng(0).normal(scale=noise, size=(3 * n, 80, 3))
+    picture = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+    pixel, pair = np.stack([np.full(n, 38.0), np.arange(n) * 3.0 + 1], 1), np.ones((n, 2), int)
+    borders = Borders(
+        pixel, np.tile([1.0, 0.0], (n, 1)), pair, np.zeros(n), pair[:, 0], np.zeros((n, 3)), np.full((n, 2), 12.0)
+    )
+    found = search(picture, borders)
+    assert np.isnan(found.along).all()
+    assert found.strength.max() > RULES.edge_step, "the least step alone would have taken them for edges"
 
 
 def test_cameras_are_recorded_as_they_are():

@@ -14,7 +14,6 @@ STEP = 0.25  # px between samples of a profile
 BESIDE = (-1.0, 0.0, 1.0)  # px along the border that are averaged
 SMOOTH = 1.0  # px, sigma of the derivative of a Gaussian that steps are looked for with
 SHARE = 0.6  # of the way to the next predicted border that is searched
-FLOOR = 0.05  # px, error of a step's place due to the pixels themselves
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,12 +23,10 @@ class Displacements:
     Attributes:
         along: px along the normal; NaN where no step was found.
         strength: grey levels that the step goes over.
-        sigma: px, 1-sigma of `along` from the picture's noise and its pixels.
     """
 
     along: np.ndarray
     strength: np.ndarray
-    sigma: np.ndarray
 
 
 def search(picture: np.ndarray, borders: Borders, window: float = 8.0, noise: float | None = None) -> Displacements:
@@ -43,7 +40,7 @@ def search(picture: np.ndarray, borders: Borders, window: float = 8.0, noise: fl
     """
     n = len(borders)
     if not n:
-        return Displacements(*(np.zeros(0) for _ in range(3)))
+        return Displacements(np.zeros(0), np.zeros(0))
     noise = noise_of_picture(picture) if noise is None else noise
     half = int(np.ceil(3 * SMOOTH / STEP))
     s = np.arange(-round(window / STEP) - half, round(window / STEP) + half + 1) * STEP
@@ -56,12 +53,11 @@ def search(picture: np.ndarray, borders: Borders, window: float = 8.0, noise: fl
     score = np.where(inside & peak, size * prior, 0.0)
     best, rows = score.argmax(1), np.arange(n)
     strength = np.where(score[rows, best] > 0, size[rows, best], 0.0)
-    # of three colours together; samples closer than a pixel are not independent
-    grain = noise * np.linalg.norm(_kernel(SMOOTH)) * np.sqrt(STEP * 3 / len(BESIDE))
+    # of three colours together; the samples within a pixel share its noise
+    grain = noise * np.linalg.norm(_kernel(SMOOTH)) * np.sqrt(3 / (STEP * len(BESIDE)))
     good = strength > max(RULES.edge_step, RULES.edge_times * grain)
     along = np.where(good, s[best] + _finer(picture, borders, s[best]), np.nan)
-    sigma = np.hypot(FLOOR, SMOOTH * grain / np.maximum(strength, 1e-9))
-    return Displacements(along, strength, np.where(good, sigma, np.nan))
+    return Displacements(along, strength)
 
 
 def _finer(picture: np.ndarray, borders: Borders, middle: np.ndarray) -> np.ndarray:
