@@ -179,6 +179,9 @@ def test_what_is_no_object_is_refused(cube, tmp_path):
             load_object(tmp_path / "mixed.xml")
     with pytest.raises(UserError, match="another object"):
         Restarts([replace(tossed(8, 1), name_of="ball")], load_object(cube), 0.04)
+    slow = replace(tossed(9, 1), rate_hz=30.0)
+    with pytest.raises(UserError, match=r"toss-9.*rate_hz: .*than toss-8; expected 150\.0; got 30\.0"):
+        Restarts([tossed(8, 1), slow, tossed(10, 1)], load_object(cube), 0.04)
     with pytest.raises(UserError, match="no recording of an object; expected a folder of its tosses; got 'Recording'"):
         diagnose(cube, [load_recording(assets() / "recordings/rig-a")], tossed(9, 1))
 

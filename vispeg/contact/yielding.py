@@ -61,7 +61,7 @@ def arm_displacement(item: ContactItem, worlds: Sequence[World], wrench: np.ndar
             continue
         load = weight + np.einsum("nij,ni->nj", jac, wrench[w])
         load, behind = load - load[item.phase.rest].mean(axis=0), np.zeros_like(load)
-        for kind in {effect(e.effect) for e in world.effects}:
+        for kind in dict.fromkeys(effect(e.effect) for e in world.effects):
             p = values(kind, [world.effects], item.source.scene)
             behind += kind.yields(load, p)
         off = np.einsum("nij,njk,nk->ni", to_hand, jac, -behind)

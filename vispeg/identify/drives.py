@@ -125,7 +125,7 @@ class Drives:
         self.evidence = TorqueEvidence([*known.values()], noise=np.ones(len(recordings[0].joints))) if known else None
         self.items = [] if self.evidence is None else self.evidence.items
         self.which = [*range(len(self.items))]
-        self.measured = all(r.control.mode in ("unknown", "servo") for r in recordings)
+        self.measured = all(r.control.mode in ("unknown", "servo") for r in self.recordings)
         if self.items:
             # the required torque is computed from low-passed motion and filtered again, so this is filtered twice too
             twice = [smooth(i.segment.time, np.nan_to_num(i.measured), MOTION_HZ)[0] for i in self.items]

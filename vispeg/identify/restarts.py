@@ -105,8 +105,12 @@ class Restarts(Evidence):
                                 expected=model.name, got=rec.name_of)  # fmt: skip
         self.recordings, self.model, self.seconds, self.nthread = list(recordings), model, seconds, nthread
         self.rate = recordings[0].rate_hz
-        if any(abs(rec.rate_hz / self.rate - 1) > 1e-6 for rec in recordings):
-            raise UserError("recorded at another rate", file=recordings[-1].path, key="rate_hz", expected=self.rate)
+        for rec in recordings:
+            if abs(rec.rate_hz / self.rate - 1) > 1e-6:
+                raise UserError(
+                    f"recorded at another rate than {recordings[0].name}", file=rec.path / "recording.yaml",
+                    key="rate_hz", expected=self.rate, got=rec.rate_hz,
+                )  # fmt: skip
         self.substeps = max(SUBSTEPS, int(np.ceil(1 / (self.rate * LONGEST_STEP))))
         self.compiled = model.compile(1 / (self.rate * self.substeps))
         windows = [w for rec in recordings for w in self._windows(rec)]
