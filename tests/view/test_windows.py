@@ -96,3 +96,22 @@ def test_the_page_says_what_each_effect_explains_in_the_report_s_words():
     said = html.reported("found is written.", {"effects": [effect, {**effect, "explains": None, "without": None}]})
     assert said.count("Coulomb friction in joint 4") == 2 and said.count("explains") == 1
     assert f"explains {share(effect)}" in said and f"without it {without(effect)}" in said
+
+
+def test_every_page_looks_at_what_it_shows(rigs, served):
+    """A cell has walls: seen from where an arm is looked at, it is a wall's outside."""
+    from vispeg.robots.scene import build
+    from vispeg.sim.compiled import compiled
+    from vispeg.view.place import ARM, CELL
+
+    app = served(rigs / "arm.xml")
+    arm, cell = app.study.traces.arm.model, compiled(build())
+    pages = [page.title for page in app.pages]
+    for model, view in ((cell, CELL), (arm, ARM)):
+        app.study.traces.draws(model, view == CELL)
+        for title in [*pages, *pages]:
+            app.show(title)
+            fills = next(p.fills for p in app.pages if p.title == title)
+            expected = CELL if fills else view
+            assert np.allclose(app.server.initial_camera.position, expected[0]), (title, view)
+            assert np.allclose(app.server.initial_camera.look_at, expected[1]), (title, view)

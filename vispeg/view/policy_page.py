@@ -21,7 +21,7 @@ from vispeg.view.drawing import Drawing
 from vispeg.view.episode import Episodes
 from vispeg.view.gallery import Gallery
 from vispeg.view.job import Job
-from vispeg.view.place import ARM, CELL, Page, Place
+from vispeg.view.place import CELL, Page, Place
 
 OWN, NONE, EXPERT = "the policy's own", "none", "expert"
 NEXT = "Choose a policy and press `Play the episode`: the scripted expert needs no training."
@@ -186,7 +186,8 @@ class PolicyPage(Page):
         if visible:
             for choice in (self.policy, self.world, self.beside):
                 choice.refresh()
-            self.place.look(CELL if self.fills else ARM)
+            if self.fills:
+                self.place.look(CELL)
 
     def close(self) -> None:
         """End the worker."""

@@ -109,7 +109,8 @@ class WorldPage(Page):
         if self.cell is not None:
             self.cell.show(visible)
         if visible:
-            self.place.look(CELL)
+            if self.fills:
+                self.place.look(CELL)
             self.world.refresh()
             self._named()
         if visible and not self.opened:
@@ -158,9 +159,11 @@ class WorldPage(Page):
     def _show(self, drawn: Drawn) -> None:
         if self.cell is not None:
             self.cell.remove()
-        self.fills = True
         if self.visible:
             self.place.stage.rest(False)
+            if not self.fills:
+                self.place.look(CELL)
+        self.fills = True
         self.cell = Drawing(self.place.server.scene, "/world", drawn.model)
         self.cell.pose(drawn.qpos, drawn.bodies)
         self.cell.show(self.visible)

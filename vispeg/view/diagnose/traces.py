@@ -73,15 +73,18 @@ class Traces:
         self.pose()
 
     def show(self, visible: bool) -> None:
-        """Show or hide the enlarged error, and move the viewer to the arm when the page appears."""
-        if visible and not self.visible:
-            self.place.look(self.view)
+        """Show or hide the enlarged error."""
         self.visible, self.playing = visible, self.playing and visible
         if self.ghost is not None:
             self.ghost.show(visible and self.standing is not None and _enlarged(self.standing))
 
     def stand(self, visible: bool) -> None:
-        """Show or hide the arm in the 3D view; pages that draw nothing of their own show it too."""
+        """Show or hide the arm in the 3D view, and look at it when it appears.
+
+        Pages that draw nothing of their own show it too.
+        """
+        if visible and not self.arm_visible:
+            self.place.look(self.view)
         self.ground.visible = visible
         if self.arm is not None:
             self.arm.show(visible)
