@@ -34,7 +34,7 @@ def test_masses_of_tool_and_part_are_one_combination_without_friction():
     record = [{"effect": e.effect, "where": e.where, "indistinguishable_from": []} for e in (TOOL, PART, FRICTION)]
     found = beside(record, [together])
     assert [[o["effect"] for o in e["indistinguishable_from"]] for e in found] == [["object_mass"], ["tool_mass"], []]
-    assert separating(fit.world, [], [], [together])["motion"] == "free"
+    assert separating(fit.world, [], [], [together])["motion"] == "free, with and without the held part"
 
 
 def test_given_and_distinguishable_effects_are_no_combination():

@@ -112,7 +112,7 @@ def diagnose_contact(
     before_held = judged.residuals([world])[0]
     state = search.run(world, n_fixed)
     shows = search.least
-    tool = confounded.tool_instead(search, state)
+    imitated = confounded.imitated(search, state)
     rivals = rivals_of_each(search, state, say) if len(state.world.effects) > n_fixed else []
     errors = judged.errors([world, state.world])
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
@@ -133,7 +133,7 @@ def diagnose_contact(
     verdict = contradicted(verdict, replayed, held_out, corrected, n_fixed, nthread)
     together = confounded.entangled(state.fit, n_fixed)
     verdict = confounded.of_layer(verdict, corrected, n_fixed)
-    verdict = confounded.of_masses(confounded.of_combinations(verdict, together), tool)
+    verdict = confounded.of_imitated(confounded.of_combinations(verdict, together), imitated)
     nuisances = allowed(judged, {"given": world, "corrected": state.world} if len(models) > 1 else {"given": world})
     verdict = with_nuisance(verdict, nuisances)
     final = with_origin(
@@ -156,7 +156,7 @@ def diagnose_contact(
         "evidence": "contact",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": confounded.with_tool(confounded.beside(found, together), tool),
+        "effects": confounded.with_imitators(confounded.beside(found, together), imitated),
         "ladder": ladder(evidence, judged, state, world),
         "noise_floor": {"value": judged.floor, "unit": "N RMS", "from": judged.floor_from},
         "where_it_fails": where_it_fails(judged, predicted),
@@ -168,7 +168,7 @@ def diagnose_contact(
         "shows_from": shows_from(shows),
         "allowed": nuisances,
         "closed_loop": replayed,
-        "next_experiment": confounded.separating(tool) or separating(fitted_world, rivals, unseen, together, recorded),
+        "next_experiment": separating(fitted_world, rivals, unseen, [*imitated, *together], recorded),
         "candidates": candidates(state, rivals),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],

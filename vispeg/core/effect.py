@@ -183,6 +183,13 @@ class Effect(ABC):
         """
         return np.zeros_like(load)
 
+    def imitated_by(self, scene: Any, model: Any, p: Mapping[str, float]) -> tuple[EffectInstance, ...]:
+        """Return effects that together make the same wrench as this one with values `p`; none by default.
+
+        The first is the one that matters most. `model` is the compiled scene.
+        """
+        return ()
+
     def resolution(self, p: Mapping[str, float]) -> float:
         """Return the quantization step of an angle's reading, rad; 0 for none."""
         return 0.0

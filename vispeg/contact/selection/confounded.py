@@ -1,29 +1,25 @@
 """Effects of contact that no recording, or none of these, tells apart: the verdict is then ambiguous.
 
-Three kinds: combinations that a fit shows to be undetermined, a soft layer, and the masses of tool and held part.
+Three kinds: combinations that a fit shows to be undetermined, a soft layer, and an effect that others imitate together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import mujoco
 import numpy as np
 
-from vispeg.contact.selection.profile import place_of
 from vispeg.contact.selection.searching import ContactSearching
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.findings import Verdict, made_ambiguous
-from vispeg.diagnosis.schema import FoundEffect, NextMotion, Place
+from vispeg.diagnosis.schema import FoundEffect, Place
 from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.fit import Fit
-from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
 from vispeg.worlds.world import World
 
-PART_MASS, TOOL_MASS, TOOL_CENTRE = "object_mass", "tool_mass", "tool_com"  # names of effects
 Together = tuple[EffectInstance, ...]
 FLAT = 1e-12  # smallest norm of a column, against division by 0
 
@@ -96,89 +92,58 @@ def _higher(placed: EffectInstance) -> bool:
     return z is not None and (z.value if z.low is None else z.low) > 0.0
 
 
-def tool_instead(search: ContactSearching, state: State) -> Together:
-    """Return the part's mass that a search added, followed by the tool's mass and centre that explain as much.
+def imitated(search: ContactSearching, state: State) -> list[Together]:
+    """Return each added effect that others imitate together (`Effect.imitated_by`), followed by these as fitted.
 
-    In any orientations, the readings of a wrist sensor determine mass, centre of mass and inertia of tool and part
-    together, not the share of each. So a change of the tool's mass and centre of mass can always replace a change of
-    the part's mass; the two differ in inertia alone, by less than the readings show. Source: Atkeson, An and Hollerbach
-    1986, Estimation of inertial parameters of manipulator loads and links, Int. J. Robotics Research 5(3).
-
-    Empty if the search did not add the part's mass, if the model has the tool's mass as well, or if the held-out
-    recordings distinguish the two explanations. The first `n_fixed` effects of the state's world were given; a given
-    centre of the tool is fitted too, from its value.
+    An effect is left out if the model has the first of the others, or if the held-out recordings distinguish it from
+    them. Others that the model has are fitted too, from their values.
     """
-    added = {e.effect: e for e in state.added}
-    scene = search.evidence.items[0].source.scene
-    where = place_of(effect(TOOL_MASS), scene)
-    if PART_MASS not in added or not where or any(e.effect == TOOL_MASS for e in state.world.effects):
-        return ()
-    part, world = added[PART_MASS], state.world.without(PART_MASS, added[PART_MASS].where)
-    search.say(f"fitting {TOOL_MASS}({where}) and {TOOL_CENTRE}({where}) in the place of {part.label}")
-    if len(added) > 1:
+    scene, out = search.evidence.items[0].source.scene, []
+    for placed in state.added:
+        values = {k: v.value for k, v in placed.params.items()}
+        others = effect(placed.effect).imitated_by(scene, compiled(scene), values)
+        if others and not any(e.effect == others[0].effect for e in state.world.effects):
+            found = _as_others(search, state, placed, others)
+            out += [(placed, *found)] if found else []
+    return out
+
+
+def _as_others(search: ContactSearching, state: State, placed: EffectInstance, others: Together) -> Together:
+    """Return the other effects, fitted in the place of `placed`, if they explain the held-out recordings as well."""
+    search.say(f"fitting {' and '.join(e.label for e in others)} in the place of {placed.label}")
+    world, names = state.world.without(placed.effect, placed.where), [e.effect for e in others]
+    if len(state.added) > 1:
         world = search.reduced([world], state.n_fixed)[0].world
-    neither = search.judge.mean(search.judge.losses([world])[0])  # of the model without the mass of part or tool
-    absent = search.evidence.absent  # the tool's parameters are fitted here even if the search found them absent
-    search.evidence.absent = {(name, k) for name, k in absent if name not in (TOOL_MASS, TOOL_CENTRE)}
-    mass, z = equivalent_tool(scene, part.params["scale"].value)
-    centres = [e for e in world.effects if e.effect == TOOL_CENTRE] or [EffectInstance.of(TOOL_CENTRE, where, z=z)]
-    fixed = sum(e not in centres for e in world.effects[: state.n_fixed])
-    world = world.only(lambda e: e not in centres).add(EffectInstance.of(TOOL_MASS, where, mass=mass), *centres)
+    neither = search.judge.mean(search.judge.losses([world])[0])  # of the model without either explanation
+    absent = search.evidence.absent  # the others' parameters are fitted here even if the search found them absent
+    search.evidence.absent = {(name, k) for name, k in absent if name not in names}
+    start = [next((e for e in world.effects if e.effect == other.effect), other) for other in others]
+    fixed = sum(e not in start for e in world.effects[: state.n_fixed])
+    world = world.only(lambda e: e not in start).add(*start)
     (fit,) = search.fits([world], fixed)
     search.evidence.absent = absent
     (loss,) = search.judge.losses([fit.world])
     if not equal(search.judge, loss, state.loss, neither, search.evidence.alike, remaining=True):
         return ()
-    return part, *(e for name in (TOOL_MASS, TOOL_CENTRE) for e in fit.world.effects if e.effect == name)
+    return tuple(e for name in names for e in fit.world.effects if e.effect == name)
 
 
-def equivalent_tool(scene: Scene, scale: float) -> tuple[float, float]:
-    """Return changes of the tool with the same weight and leverage as multiplying the held part's mass by `scale`.
-
-    These are an added mass (kg), and a shift of the centre of mass (m, along the flange's z), cut to its bounds.
-    """
-    model = compiled(scene)
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    flange = data.site(scene.flange)
-    tool, part = (model.body(name).id for name in ("tool", scene.held))
-    height = (data.xipos - flange.xpos) @ flange.xmat.reshape(3, 3)[:, 2]
-    mass = float((scale - 1.0) * model.body_mass[part])
-    limits = effect(TOOL_CENTRE).params["z"]
-    z = mass * (height[part] - height[tool]) / (model.body_mass[tool] + mass)
-    return mass, float(np.clip(z, limits.low, limits.high))
+def of_imitated(verdict: Verdict, sets: Sequence[Together]) -> Verdict:
+    """Change `identified` to `ambiguous` if others imitate an effect; `sets` is the result of `imitated`."""
+    texts = [f"{one.label} from {' with '.join(e.label for e in others)}" for one, *others in sets]
+    reason = f"no motion in these recordings distinguishes {'; '.join(texts)}: together they make the same wrench"
+    return made_ambiguous(verdict, reason if sets else "")
 
 
-def of_masses(verdict: Verdict, confounded: Together) -> Verdict:
-    """Change `identified` to `ambiguous` if `confounded`, the result of `tool_instead`, is not empty."""
-    if not confounded:
-        return verdict
-    part, *tool = confounded
-    text = (
-        f"{part.label} cannot be distinguished from {' with '.join(e.label for e in tool)}: these recordings show only "
-        "the mass of part and tool together"
-    )
-    return made_ambiguous(verdict, text)
+def with_imitators(effects: list[FoundEffect], sets: Sequence[Together]) -> list[FoundEffect]:
+    """Add to each imitated effect of a record the others as indistinguishable from it; return the effects.
 
-
-def with_tool(effects: list[FoundEffect], confounded: Together) -> list[FoundEffect]:
-    """Return a record's `effects`, in which the part's mass lists those of the tool as indistinguishable from it.
-
-    Effects that have an entry of their own are not listed. `confounded` is the result of `tool_instead`.
+    Effects that have an entry of their own are not listed. `sets` is the result of `imitated`.
     """
     named = {e["effect"] for e in effects}
-    for entry in effects:
-        if confounded and (entry["effect"], entry["where"]) == (confounded[0].effect, confounded[0].where):
-            named |= {e["effect"] for e in entry["indistinguishable_from"]}
-            others = [e for e in confounded[1:] if e.effect not in named]
-            entry["indistinguishable_from"] += [Place(effect=e.effect, where=e.where) for e in others]
+    for one, *others in sets:
+        entry = next(e for e in effects if (e["effect"], e["where"]) == (one.effect, one.where))
+        known = named | {e["effect"] for e in entry["indistinguishable_from"]}
+        new = [e for e in others if e.effect not in known]
+        entry["indistinguishable_from"] += [Place(effect=e.effect, where=e.where) for e in new]
     return effects
-
-
-def separating(confounded: Together) -> NextMotion | None:
-    """Return the motion that distinguishes part and tool; None if `confounded`, from `tool_instead`, is empty."""
-    if not confounded:
-        return None
-    part, *tool = confounded
-    why = f"distinguishes {part.label} from {' with '.join(e.label for e in tool)}; so does weighing the part by itself"
-    return {"motion": "free, with and without the held part", "why": why}

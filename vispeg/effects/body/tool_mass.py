@@ -26,7 +26,11 @@ class ToolMass(Effect):
     stage = "free air"
     sizes = {"mass": (-0.1, 0.1, 0.4)}
     shown_by = ("free",)
-    told_from = {"object_mass": "free", "wrench_bias": "free", "wrench_gain": "free"}
+    told_from = {
+        "object_mass": "free, with and without the held part",
+        "wrench_bias": "free",
+        "wrench_gain": "free",
+    }
     needs = "tilt"
 
     def targets(self, model):
