@@ -51,7 +51,7 @@ class Alone(Search):
     tried: EffectInstance | None = None
     rejected = ""
 
-    def try_places(self, state, places, missing, tested, groups=(), several=False):
+    def try_places(self, state, places, missing, groups, several):
         """Try the effect."""
         if self.tried is None:
             return []

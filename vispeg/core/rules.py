@@ -354,14 +354,6 @@ class Proposed:
         "8 none; at a torque limit 1.4 times the error",
         tried="12, 8 and 3 in place of 6 in the first proposal: the same effects of 1 % or more in 33, 34 and 34 of 35 "
         "cases of seed 4711 (e6f7533f)")
-    suspect: float = _rule(0.02, "joints", "2fcabec5",
-        "Share of the worst joint's squared missing torque from which a joint is screened first.",
-        case="the joint of the only effect had the greatest share in 12 of 13 arms and 0.12 of it in the other (an "
-        "encoder's offset), the joints of two effects 0.44 and more")
-    suspects: int = _rule(4, "joints", "2fcabec5",
-        "Greatest number of joints that are screened first.",
-        case="the joint of the only effect came first in 12 of 13 arms and second in the other, those of two effects "
-        "third at most")
     promise: float = _rule(0.3, "all", "1a2442b3",
         "Share of the gain that a step or rival needs, from which a candidate's predicted gain is enough for a fit.",
         reason="the screen is linear, so its predicted gains may be too small")

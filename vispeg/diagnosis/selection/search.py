@@ -10,7 +10,7 @@ import numpy as np
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.rivals import replaced
-from vispeg.diagnosis.evidence.localise import MissingTorque, joint_z
+from vispeg.diagnosis.evidence.localise import MissingTorque
 from vispeg.diagnosis.evidence.screen import candidates, groups
 from vispeg.diagnosis.findings import Score, Trial
 from vispeg.diagnosis.progress import Progress
@@ -113,39 +113,21 @@ class Search(Loop, Shown, Proposals):
     def offers(self, state: State) -> list[Trial]:
         """Screen the library against the state, fit and judge the best candidates; those that pass come first.
 
-        The candidates are tried in this order. A group is one kind of effect that every arm has, in all joints. A
-        trial that passed is sound if not all of its effects ended at a bound (`accept.sound`).
-
-        1. In the first step only, the set of effects that the torques propose. If it passes, no groups are tried.
-        2. Effects of the joints that miss most torque (`suspects`) and at all places that are no joints; also groups,
-           if there are several such joints. With groups, and in all later steps, also several linear effects at once.
-        3. If nothing passed, or only candidates at a bound: pairs of distant effects in the joint that misses most,
-           unless 2 included groups.
-        4. Groups, if neither 1 passed nor 2 included them: one light joint with a large error may hide the others. They
-           are left out if a sound candidate passed and this is a later step, or in the first step leaves only noise.
-        5. If nothing passed, effects of the other joints, whose missing torque the first joints may hide. The places
-           of 2 count as tested too.
+        1. In the first step, the set of effects that the torques propose, as one candidate.
+        2. Effects at all places, several linear effects at once and, unless 1 passed, groups: one kind of effect that
+           every arm has, in all joints.
+        3. If nothing passed, or only candidates at a bound (`accept.sound`): pairs of distant effects in the joint that
+           misses most.
         """
         missing = self.missing(state.world)
-        near, others, common = self.places(state, missing)
+        places = self.places(state.world)
         state.screening = []
-        proposed = self._try_proposed(state, len(near)) if state.fit is None else []
-        if passes(proposed):
-            common = []
-        several = bool(common) or state.fit is not None
-        trials = self.try_places(state, near, missing, len(near), common, several)
+        proposed = self._try_proposed(state, len(places)) if state.fit is None else []
+        common = [] if passes(proposed) else self._common_groups(state)
+        trials = self.try_places(state, places, missing, common, several=not passes(proposed))
         trials = in_order(self.judge, state, trials + proposed) if proposed else trials
         if not passes(trials):
-            scores = [] if common else pairs(self, state, missing)[: RULES.fitted]
-            trials = self.try_all(state, scores, len(near)) + trials
-        later = [] if common or passes(proposed) else self._common_groups(state)
-        if later and not (
-            passes(trials) and (state.fit is not None or self._at_floor(trials[0].fit.world, trials[0].loss))
-        ):
-            trials += self.try_places(state, [], missing, len(near), later, not several)
-            trials = in_order(self.judge, state, trials)
-        if others and all(t.rejected for t in trials):
-            trials = self.try_places(state, others, missing, len(near) + len(others)) + trials
+            trials = self.try_all(state, pairs(self, state, missing)[: RULES.fitted], len(places)) + trials
         return trials
 
     def _try_proposed(self, state: State, tested: int) -> list[Trial]:
@@ -162,28 +144,16 @@ class Search(Loop, Shown, Proposals):
 
     def scored(self, state: State) -> list[Score]:
         """Return the candidates for a state, best first by the predicted drop of the fitted error."""
-        missing = self.missing(state.world)
-        near, _, common = self.places(state, missing)
-        return self.screened(state.world, state.residual, state.fit, near, missing, common)
+        places, common = self.places(state.world), self._common_groups(state)
+        return self.screened(state.world, state.residual, state.fit, places, self.missing(state.world), common)
 
     def tested(self, state: State) -> int:
         """Return the number of places that share the level of the test of one addition to a state."""
-        near, others, _ = self.places(state, self.missing(state.world))
-        return len(near) + len(others)
+        return len(self.places(state.world))
 
-    def places(
-        self, state: State, missing: Sequence[MissingTorque]
-    ) -> tuple[list[tuple[str, str]], list[tuple[str, str]], list[list[tuple[str, str]]]]:
-        """Return (effect, place) of the candidates to try first and of the others, and groups to try with the first.
-
-        The first are those of the suspected joints; of all joints where torques are compared.
-        """
-        joints = list(self.evidence.items[0].robot.joints)
-        first = suspects(missing, joints) if self.evidence.unit == "rad" else joints
-        near = candidates(self.evidence, state.world, first)
-        common = self._common_groups(state) if len(first) > 1 else []
-        others = [p for p in candidates(self.evidence, state.world, joints) if p not in near]
-        return near, others, common
+    def places(self, world: World) -> list[tuple[str, str]]:
+        """Return every (effect, place) that a world lacks and the evidence can show."""
+        return candidates(self.evidence, world, list(self.evidence.items[0].robot.joints))
 
     def _common_groups(self, state: State) -> list[list[tuple[str, str]]]:
         """Return the groups of effects that every arm has in every joint, without kinds that a step added as one."""
@@ -196,35 +166,20 @@ class Search(Loop, Shown, Proposals):
         state: State,
         places: Sequence[tuple[str, str]],
         missing: Sequence[MissingTorque],
-        tested: int,
-        groups: Sequence[Sequence[tuple[str, str]]] = (),
-        several: bool = False,
+        groups: Sequence[Sequence[tuple[str, str]]],
+        several: bool,
     ) -> list[Trial]:
         """Screen these places and groups, fit and judge those that promise enough; those that pass come first.
 
-        A group is fitted only if no effect alone promises nearly as much.
-
-        Args:
-            state: to which effects are added.
-            places, missing, groups, several: as in `screened`.
-            tested: number of places that share the level of the test.
+        A group is fitted only if no effect alone promises nearly as much. Arguments are as in `screened`.
         """
         scores = self.screened(state.world, state.residual, state.fit, places, missing, groups, several)
         best_alone = max((s.gain for s in scores if not s.beside), default=0.0)
         scores = [s for s in scores if not s.beside or best_alone < (1.0 - RULES.tie) * s.gain]
         state.screening += scores
-        need = self.least_drop(state)
-        if not scores or scores[0].gain / self.evidence.count < RULES.promise * need:
+        if not scores or scores[0].gain / self.evidence.count < RULES.promise * self.least_drop(state):
             return []
-        short = scores[: RULES.fitted]
-        trials = self.try_all(state, short, tested)
-        fitted = {s.placed.where for s in short if not s.beside}
-        elsewhere = [s for s in scores if s not in short and s.key[1] not in fitted]
-        elsewhere = [s for s in elsewhere if s.gain / self.evidence.count >= RULES.promise * need]
-        if elsewhere and all(t.rejected for t in trials):  # confounded candidates at one place may have filled the list
-            trials = trials + self.try_all(state, elsewhere[: RULES.fitted], tested)
-            trials.sort(key=lambda t: bool(t.rejected))
-        return trials
+        return self.try_all(state, scores[: RULES.fitted], len(places))
 
     def least_drop(self, state: State) -> float:
         """Return the drop of the fitted mean squared residual that a step needs.
@@ -276,11 +231,3 @@ class Search(Loop, Shown, Proposals):
             loss = self.judge.losses([fit.world])[0]
         state.take(fit, loss)
         state.cross = self.cross.loss_of(fit, fit.residual)
-
-
-def suspects(missing: Sequence[MissingTorque], joints: list[str]) -> list[str]:
-    """Return the joints with a visible share of the missing torque: an effect in a joint causes it in that joint."""
-    squared = joint_z(missing) ** 2
-    order = np.argsort(-squared)
-    keep = [j for j in order[: RULES.suspects] if squared[j] > RULES.suspect * squared.max()]
-    return [joints[j] for j in sorted(keep)]
