@@ -1,12 +1,16 @@
 """Records survive their file, a killed run, and a careless person's CSV."""
 
 import json
+import signal
+import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
 
 from vispeg.core.errors import UserError
 from vispeg.core.lock import LOCK
+from vispeg.core.marker import MARKER
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.measured import read_csv
 from vispeg.evaluation.records import Episode, append, read, read_all
@@ -173,3 +177,35 @@ def test_a_run_refused_before_its_first_episode_leaves_the_result_that_it_was_to
         file = tmp_path / "out" / "evaluate.json"
         assert (file.read_text() if file.exists() else None) == left and not (tmp_path / "out" / ".before").exists()
         assert read(tmp_path / "out" / "episodes.jsonl") == [ONE]
+
+
+KILLED = """
+import os, signal, sys
+from vispeg.evaluation.folder import workplace
+with workplace(sys.argv[1], "evaluate.json", overwrite=True):
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.parametrize("how", ["killed", "disk"])
+def test_a_run_that_ends_at_its_start_leaves_the_result_that_it_was_to_replace(tmp_path, how):
+    """It is killed before its first episode, or the folder cannot be marked after the old result was put aside."""
+    out = tmp_path / "out"
+    with workplace(out, "evaluate.json") as place:
+        append(place / "episodes.jsonl", [ONE])
+        for name in ("evaluate.json", "evaluate.html"):
+            (place / name).write_text("old")
+        (place / "run.json").write_text('{"policies": {}, "worlds": {}}')
+    if how == "killed":
+        killed = subprocess.run([sys.executable, "-c", KILLED, str(out)], check=False)
+        assert killed.returncode == -signal.SIGKILL and not (out / "evaluate.json").exists()
+    else:
+        (out / MARKER).unlink()
+        (out / MARKER).mkdir()
+        with pytest.raises(UserError, match="cannot be written"), workplace(out, "evaluate.json", overwrite=True):
+            pass
+        (out / MARKER).rmdir()
+    with pytest.raises(UserError, match="exists already"), workplace(out, "evaluate.json"):
+        pass
+    assert (out / "evaluate.json").read_text() == (out / "evaluate.html").read_text() == "old"
+    assert read(out / "episodes.jsonl") == [ONE] and not (out / ".before").exists()

@@ -14,7 +14,7 @@ from vispeg.core.lock import LOCK, claimed
 from vispeg.core.marker import apart, holds, mark, untouched
 from vispeg.formats.json_data import read_json
 
-EPISODES = "episodes.jsonl"
+EPISODES, RUN = "episodes.jsonl", "run.json"
 BEFORE = ".before"  # folder in OUT for the result that a run replaces, until the run ends
 
 
@@ -24,8 +24,9 @@ def workplace(
 ) -> Iterator[Path]:
     """Yield the folder that `prepare` makes, locked against other processes while the body runs.
 
-    Without `out` it is a temporary folder. If the body raises before an episode is stored, there is nothing to resume:
-    the result that the run was to replace is put back, and after UserError a new or empty folder is left as it was.
+    Without `out` it is a temporary folder. A run that ends before an episode is stored leaves nothing to resume: the
+    result that it was to replace is put back, at once if it raises, by the next run if it was killed. After UserError a
+    new or empty folder is left as it was.
     """
     if out is None:
         with TemporaryDirectory(prefix="vispeg-") as folder:
@@ -36,18 +37,52 @@ def workplace(
     with claimed(out):
         new = not out.exists()
         empty = new or untouched(out)
-        place = prepare(out, result, overwrite, inputs)
         try:
-            yield place
+            _put_back(out, result)
+            yield prepare(out, result, overwrite, inputs)
         except BaseException as error:
-            if not (place / EPISODES).exists():
-                for path in (place / BEFORE).glob("*"):
-                    path.replace(place / path.name)
-                if empty and isinstance(error, UserError):
-                    _clear(place, new)
+            _put_back(out, result)
+            if empty and isinstance(error, UserError) and out.is_dir() and not (out / EPISODES).exists():
+                _clear(out, new)
             raise
-        finally:
-            rmtree(place / BEFORE, ignore_errors=True)
+        rmtree(out / BEFORE, ignore_errors=True)
+
+
+def _put_aside(out: Path, result: str) -> None:
+    """Move a finished result into BEFORE: its episodes first, so that those of the run that replaces it are known."""
+    rmtree(out / BEFORE, ignore_errors=True)
+    for name in (EPISODES, result, _page(result), RUN):
+        with written(out / name), suppress(FileNotFoundError):
+            (out / BEFORE).mkdir(exist_ok=True)
+            (out / name).replace(out / BEFORE / name)
+
+
+def _put_back(out: Path, result: str) -> None:
+    """Move what a run put aside back into the folder, its episodes last, or drop it if there is something newer.
+
+    That is an episode of the run, or the whole result of one that plays none.
+    """
+    before = out / BEFORE
+    finished = (before / result).exists() and _finished(out, result)
+    if not finished and not (out / EPISODES).exists():
+        for name in (RUN, _page(result), result, EPISODES):
+            with written(out / name), suppress(FileNotFoundError):
+                (before / name).replace(out / name)
+    rmtree(before, ignore_errors=True)
+
+
+def _finished(out: Path, result: str) -> bool:
+    """Return whether the folder holds a whole result: a run writes its page last.
+
+    Folders without a marker are of versions that named the page otherwise.
+    """
+    return (out / result).exists() and ((out / _page(result)).exists() or holds(out) is None)
+
+
+def _page(result: str) -> str:
+    """Return the name of the page beside a result."""
+    kind = Path(result).stem
+    return "suite.html" if kind == "compare" else f"{kind}.html"
 
 
 def _clear(folder: Path, new: bool) -> None:
@@ -86,21 +121,13 @@ def prepare(out: Path, result: str, overwrite: bool, inputs: Iterable[str | Path
             be written.
     """
     refuse(out, result, inputs)
-    kind = Path(result).stem
-    page = out / ("suite.html" if kind == "compare" else f"{kind}.html")
-    # a run writes its page last; folders without a marker are of versions that named the page otherwise
-    done = (out / result).exists() and (page.exists() or holds(out) is None)
-    if done and not overwrite:
-        raise UserError("exists already; name another folder or pass --overwrite", file=out / result)
-    if done:  # the new run must not continue the old one
-        rmtree(out / BEFORE, ignore_errors=True)
-        for old in (page.name, result, EPISODES, "run.json"):
-            with written(out / old), suppress(FileNotFoundError):
-                (out / BEFORE).mkdir(exist_ok=True)
-                (out / old).replace(out / BEFORE / old)
+    if _finished(out, result):
+        if not overwrite:
+            raise UserError("exists already; name another folder or pass --overwrite", file=out / result)
+        _put_aside(out, result)  # the new run must not continue the old one
     with written(out):
         out.mkdir(parents=True, exist_ok=True)
-        mark(out, kind, files=())
+        mark(out, Path(result).stem, files=())
     return out
 
 
@@ -112,7 +139,7 @@ def _kind(out: Path) -> str | None:
     if (marked := holds(out)) is not None:
         return marked
     try:
-        run = read_json(out / "run.json")
+        run = read_json(out / RUN)
     except UserError:
         return None
     return "" if isinstance(run, dict) and {"policies", "worlds"} <= set(run) else None

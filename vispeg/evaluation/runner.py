@@ -17,7 +17,7 @@ from vispeg.core.workers import pool_of
 from vispeg.demonstrations.plan import images_of
 from vispeg.evaluation.arena import play
 from vispeg.evaluation.entrants import OBJECT, Entrant
-from vispeg.evaluation.folder import EPISODES
+from vispeg.evaluation.folder import EPISODES, RUN
 from vispeg.evaluation.jobs import IMAGE_ROWS, Job, has_eyes
 from vispeg.evaluation.records import Episode, append, read
 from vispeg.formats.format import enrol
@@ -27,7 +27,6 @@ from vispeg.task.registry import config_of
 from vispeg.task.world_file import load_world
 
 DIVERGED = "diverged"  # folder of episodes whose simulation diverged, to be replayed
-RUN = "run.json"
 Names = dict[str, dict[str, str]]  # `policies`, `worlds`, and `images` of the looks of worlds: name -> hash
 Arena = Callable[[Job], list[Episode]]
 J = TypeVar("J", bound=Job)
