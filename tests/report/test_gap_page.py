@@ -19,14 +19,16 @@ from vispeg.evaluation.gap import gap
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.stress import exploit, perturb, sensitivity
 from vispeg.render.image_kinds import SHOWN, depth_picture
+from vispeg.report.drawings import palette
 from vispeg.report.drawings.figures import WIDE
 from vispeg.report.gap import suite_page, words
 from vispeg.report.gap.bars import bar
 from vispeg.report.gap.build import render, write
-from vispeg.report.gap.colours import of_policies
+from vispeg.report.gap.colours import of_categories, of_policies
 from vispeg.report.gap.headline import context
 from vispeg.report.gap.stress_pages import _profiles, exploit_page, perturb_page, sensitivity_page
 from vispeg.report.live.episodes import context as paired
+from vispeg.task.registry import FIRST, task
 
 WORLDS = {"S": 0.95, "V": 0.85, "P": 0.75, "VP": 0.5}
 
@@ -137,6 +139,24 @@ def test_a_policy_has_the_colour_of_what_it_sees_and_the_second_is_hatched():
     assert (found["a"].hatch, bool(found["b"].hatch)) == (None, True)
     many = of_policies([{"name": str(i), "modality": "rgbd"} for i in range(4)])
     assert len({s.colour for s in many.values()}) == 4 and not any(s.second for s in many.values())
+
+
+def test_every_policy_and_every_end_of_a_picture_has_a_colour_of_its_own_by_day_and_by_night():
+    """Also a policy with privileged inputs beside many of one modality, and words of the user's own."""
+    seen = ["rgbd"] * 5 + ["privileged", "proprio", "tactile", "state", "depth", "rgb"]
+    policies = [{"name": str(i), "modality": m} for i, m in enumerate(seen)]
+    drawn = of_policies(policies)
+    assert of_policies(policies[::-1])["5"] == drawn["5"], "the order of a picture changes no colour"
+    colours = [s.colour for s in drawn.values()]
+    ends = [*task(FIRST).categories, "failure", "operator", "cable"]
+    failures = [*of_categories(ends).values()]
+    for picture in (colours, failures):
+        nights = {palette.COLOURS[palette.name_of(colour)][1] for colour in picture}
+        assert len(set(picture)) == len(nights) == len(picture)
+    robot = [replace(e, world="robot", category=w, success=False) for e, w in zip(episodes(), ends[1:], strict=False)]
+    both = [*episodes(), *robot]
+    strip = json.loads(paired(gap(both, worlds=["S", "robot"]), both)["data"])
+    assert {*ends} == {*strip["ends"]} and len({*strip["colours"]}) == len(ends)
 
 
 def headline(*known):

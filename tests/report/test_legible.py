@@ -13,6 +13,7 @@ from vispeg.report.build import render as report
 from vispeg.report.drawings import palette
 from vispeg.report.drawings.figures import NARROW, WIDE
 from vispeg.report.gap.build import render as gap_page
+from vispeg.report.gap.colours import FURTHER
 from vispeg.report.page import source, templates, unbroken
 from vispeg.report.record import load_record
 
@@ -23,7 +24,7 @@ PHONE = 400 - 2 * 16  # px that a page 400 px wide leaves to a figure
 BREAK = 860 - 2 * 24  # px that a wide figure has at least
 SHEETS = [  # (name, what is drawn with the palette's colours)
     ("ink", "ground"), ("muted", "ground"), ("before", "ground"), ("after", "ground"), ("rival", "ground"),
-    ("ink", "soft"), ("red", "ground"), ("amber", "ground"),
+    ("ink", "soft"), *((name, "ground") for name in FURTHER),
 ]  # fmt: skip
 
 

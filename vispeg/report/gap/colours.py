@@ -1,10 +1,10 @@
-"""Colours of policies: each modality has the same colour on all pages and in the pictures of README."""
+"""Colours of policies and of failures: each modality has the same colour on all pages and in the pictures of README."""
 
 from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,8 @@ BY_MODALITY = {m: day(m) for m in ("state", "depth", "rgbd", "rgb")} | {
     "privileged": day("plum"),
     "proprio": day("blind"),
 }
-SPARE = tuple(map(day, ("other", "lagoon", "plum", "olive", "brown", "rival", "violet")))
+FURTHER = ("other", "lagoon", "plum", "olive", "brown", "rival", "violet", "wine", "red", "amber")
+SPARE = tuple(map(day, FURTHER))  # for what has no colour of its own, where the picture does not use them yet
 BY_CATEGORY = {  # category of an episode's end
     "success": day("after"),
     "approach": day("pale"),
@@ -28,7 +29,7 @@ BY_CATEGORY = {  # category of an episode's end
     "joint velocity": day("lagoon"),
     "joint limit": day("olive"),
     "singularity": day("violet"),
-    "failure": day("before"),
+    "failure": day("brown"),
 }
 
 
@@ -57,8 +58,8 @@ def of_policies(policies: Sequence[Mapping[str, Any]]) -> dict[str, Style]:
     If there are more, all but the first have spare colours in turn.
     """
     counts, styles = Counter(str(row["modality"]) for row in policies), {}
-    spare, used = itertools.cycle(SPARE), Counter[str]()
-    for row in policies:
+    spare, used = _spare(BY_MODALITY[m] for m in counts if m in BY_MODALITY), Counter[str]()
+    for row in ordered(policies):
         modality = str(row["modality"])
         colour = BY_MODALITY.get(modality)
         used[modality] += 1
@@ -67,6 +68,19 @@ def of_policies(policies: Sequence[Mapping[str, Any]]) -> dict[str, Style]:
         else:
             styles[row["name"]] = Style(next(spare))
     return styles
+
+
+def of_categories(names: Iterable[str]) -> dict[str, str]:
+    """Return category -> colour for the categories of one picture; a user's own words have spare colours in turn."""
+    names = list(names)
+    spare = _spare(BY_CATEGORY[c] for c in names if c in BY_CATEGORY)
+    return {c: BY_CATEGORY.get(c) or next(spare) for c in names}
+
+
+def _spare(used: Iterable[str]) -> Iterator[str]:
+    """Return spare colours that are not used yet, again and again."""
+    taken = set(used)
+    return itertools.cycle(c for c in SPARE if c not in taken)
 
 
 def ordered(policies: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:

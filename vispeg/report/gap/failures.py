@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from vispeg.report.drawings.figures import MEASURED, Shape, chart, new_figure, quiet, side_by_side
 from vispeg.report.gap import words
-from vispeg.report.gap.colours import BY_CATEGORY, SPARE
+from vispeg.report.gap.colours import BY_CATEGORY, of_categories
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,8 +41,7 @@ def _figure(values: Mapping[str, Any], shape: Shape) -> Figure | None:
     names.sort(key=lambda c: list(BY_CATEGORY).index(c) if c in BY_CATEGORY else len(BY_CATEGORY))
     if not names:
         return None
-    spare = itertools.cycle(SPARE)
-    colours = {c: BY_CATEGORY.get(c) or next(spare) for c in names}
+    colours = of_categories(names)
     lines, columns = shape.grid(len(policies), 4)
     figure = new_figure(0.7 + (0.6 + 0.23 * len(worlds)) * lines, shape.width)
     axes = figure.subplots(lines, columns, squeeze=False, sharex=True).ravel()

@@ -9,7 +9,7 @@ import numpy as np
 
 from vispeg.evaluation.records import Episode
 from vispeg.report.drawings.palette import name_of
-from vispeg.report.gap.colours import BY_CATEGORY
+from vispeg.report.gap.colours import of_categories
 from vispeg.report.live.traces import inert
 
 TITLE = "Episode by episode"
@@ -58,7 +58,7 @@ def context(
         for k, m in enumerate(media)
         for side in m["sides"]
     ]
-    colours = {c: name_of(BY_CATEGORY[c]) for c in ends if c in BY_CATEGORY}
+    colours = of_categories(ends)
     data = {
         "policies": [p for p, _ in sides],
         "trained": [s for _, s in sides],
@@ -66,7 +66,7 @@ def context(
         "worlds": worlds,
         "seeds": seeds,
         "ends": ends,
-        "colours": [colours.get(c, "other") for c in ends],
+        "colours": [name_of(colours[c]) for c in ends],
         "rows": rows,
         "films": films,
     }
