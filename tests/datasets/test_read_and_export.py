@@ -1,6 +1,7 @@
 """The readers agree with what was put in; BOP's poses put known points where the camera sees them."""
 
 import json
+import shutil
 
 import cv2
 import numpy as np
@@ -9,6 +10,7 @@ from rendered import EYE, LAYOUT, PLAN, frame, source
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import decode, encode, to_steps
+from vispeg.datasets.describe import CAMERAS
 from vispeg.datasets.example import write_dataset
 from vispeg.datasets.formats.bop import box, matrix, objects
 from vispeg.datasets.formats.registry import export
@@ -105,6 +107,27 @@ def test_bop_poses_project_to_where_the_camera_sees(folder, tmp_path):
             mask = cv2.imread(str(scenes[number] / f"mask_visib/{i:06d}_000000.png"), cv2.IMREAD_UNCHANGED) > 0
             assert np.array_equal(mask, frames["label.parts.eye"][i] == 2)
             assert extents[str(i)][0]["px_count_visib"] == mask.sum()
+
+
+def test_every_object_of_bop_has_its_entry_of_extents_also_one_that_no_picture_labels(folder, tmp_path):
+    """`scene_gt` and `scene_gt_info` are read side by side; the goal's pose comes first, its part is not labelled."""
+    copy = shutil.copytree(folder, tmp_path / "d")
+    info = json.loads((copy / "meta/info.json").read_text())
+    features = info["features"]
+    info["features"] = {"label.hole": features.pop("label.hole")} | features
+    (copy / "meta/info.json").write_text(json.dumps(info))
+    cameras = (copy / CAMERAS).read_text()
+    assert cameras.count('"fixture"') == 1
+    (copy / CAMERAS).write_text(cameras.replace('"fixture"', '"socket"'))
+    export(copy, tmp_path / "bop", "bop")
+    for scene in (tmp_path / "bop/train").iterdir():
+        truth, extents = (json.loads((scene / f"scene_gt{end}.json").read_text()) for end in ("", "_info"))
+        named = json.loads((tmp_path / "bop/dataset_info.json").read_text())["objects"]
+        for i, seen in truth.items():
+            assert [named[str(o["obj_id"])]["name"] for o in seen] == ["fixture", "peg"]
+            unlabelled, peg = extents[i]
+            mask = cv2.imread(str(scene / f"mask_visib/{int(i):06d}_000001.png"), cv2.IMREAD_UNCHANGED) > 0
+            assert unlabelled == {} and peg["px_count_visib"] == mask.sum()
 
 
 def test_box_is_the_smallest():

@@ -119,9 +119,11 @@ def _scene(folder: Path, data: Dataset, things: Things, frames: dict[str, np.nda
                 mask = labels[i] == 1 + data.parts.index(part)
                 (folder / "mask_visib" / f"{i:06d}_{j:06d}.png").write_bytes(encode(255 * mask.astype(np.uint8)))
                 extent[str(i)].append({"bbox_visib": box(mask), "px_count_visib": int(mask.sum())})
+            else:  # not known, which is not the same as hidden; readers pair the lists of both files
+                extent[str(i)].append({})
     _json(folder / "scene_camera.json", cameras)
     _json(folder / "scene_gt.json", truth)
-    if any(extent.values()):
+    if any(map(any, extent.values())):
         _json(folder / "scene_gt_info.json", extent)
 
 
