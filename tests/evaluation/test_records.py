@@ -7,13 +7,15 @@ import sys
 from dataclasses import replace
 
 import pytest
+import yaml
 
 from vispeg.core.errors import UserError
 from vispeg.core.lock import LOCK
 from vispeg.core.marker import MARKER
 from vispeg.evaluation.folder import workplace
-from vispeg.evaluation.measured import read_csv
+from vispeg.evaluation.measured import read_csv, read_measured
 from vispeg.evaluation.records import Episode, append, read, read_all
+from vispeg.trials.trial import FILE
 
 ONE = Episode("p", "depth", 0, "S", "abc", 7, True, "success", 3.2, 21.5, 0.0004, 0.02, force_profile=(0.0, 10 / 3))
 
@@ -128,6 +130,21 @@ def test_an_untold_training_seed_is_the_policys_only_one_else_a_note_says_so(tmp
     (tmp_path / "r.csv").write_text("policy,seed,outcome,train_seed\nA,1,1,\nB,1,1,3\n")
     found = read_csv(tmp_path / "r.csv", policies={"A": {1}, "B": {3, 2}})
     assert [e.train_seed for e in found.episodes] == [1, 3] and found.notes == []
+
+
+def test_trials_without_a_number_are_different_trials(tmp_path):
+    (tmp_path / "r.csv").write_text("policy,seed,outcome\nA,,1\nA,1,0\nA,,0\n")
+    assert [(e.seed, e.success) for e in read_csv(tmp_path / "r.csv").episodes] == [(0, True), (1, False), (2, False)]
+    start = {"q_rad": [0.0] * 7, "goal_m": [0.6, 0.0, 0.0], "believed_m": [0.6, 0.0, 0.0]}
+    said = {"format": "vispeg-trial/1", "policy": {"name": "A", "digest": "0" * 64}, "start": start}
+    said["outcome"] = {"success": False, "category": "jam", "by": "person", "time_s": 2.0}
+    for name, seed in (("a", {}), ("b", {}), ("c", {"seed": 0})):
+        (tmp_path / "trials" / name).mkdir(parents=True)
+        (tmp_path / "trials" / name / FILE).write_text(yaml.safe_dump(said | seed))
+    assert [e.seed for e in read_measured(tmp_path / "trials").episodes] == [1, 2, 0]
+    (tmp_path / "trials" / "a" / FILE).write_text(yaml.safe_dump(said | {"seed": 0}))
+    with pytest.raises(UserError, match="the same trial twice"):
+        read_measured(tmp_path / "trials")
 
 
 def test_a_folder_with_its_lock_alone_is_a_new_one(tmp_path):

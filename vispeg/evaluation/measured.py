@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import math
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from vispeg.formats.guard import MB, read_text
 from vispeg.task.registry import FIRST, task
 from vispeg.trials.trial import FILE, folders, read_said
 
+_Found = tuple[Episode, bool, Path, str]  # an episode, whether its seed is stated, its file and key
 LARGEST = 64 * MB
 REQUIRED = ("policy", "seed", "outcome")
 OPTIONAL = ("configuration", "category", "modality", "train_seed", "time", "peak_force")
@@ -58,8 +60,9 @@ def read_csv(
 
     Args:
         path: the CSV; its first row names the columns. `outcome` is success or failure (also 1/0, true/false, yes/no).
-            `seed` is the trial's number, or the simulated episode's seed where the same start and goal were set up. A
-            failure's `category` is one of the task's categories or a word of the user's own.
+            `seed` is the trial's number, or the simulated episode's seed where the same start and goal were set up;
+            rows with an empty one are different trials. A failure's `category` is one of the task's categories or a
+            word of the user's own.
         world: the name of the robot's world in tables.
         policies: known names with their training seeds; none to accept any name. A row without a training seed gets
             the policy's lowest one; if there are several, a note says so.
@@ -86,23 +89,22 @@ def read_csv(
     for column in heads:
         if column not in REQUIRED + OPTIONAL:
             raise UserError("unknown column", file=path, got=column, choices=REQUIRED + OPTIONAL)
-    episodes: dict[tuple[object, ...], Episode] = {}
+    found: list[_Found] = []
     assumed: dict[str, None] = {}  # policies whose training seed is assumed; a dict keeps their order
     for number, row in rows:
         episode = _episode(row, world, seeds_of, path, number)
-        if episode.key in episodes:
-            raise UserError("the same trial twice", file=path, key=f"line {number}", got=episode.key)
-        episodes[episode.key] = episode
+        found.append((episode, bool(_cell(row, "seed")), path, f"line {number}"))
         if not _cell(row, "train_seed") and len(seeds_of.get(episode.policy, ())) > 1:
             assumed[episode.policy] = None
-    if not episodes:
+    if not found:
         raise UserError("no trials", file=path, expected="one row per trial below the head")
-    unknown = sorted({e.configuration for e in episodes.values()} - set(configurations))
+    episodes = _numbered(found)
+    unknown = sorted({e.configuration for e in episodes} - set(configurations))
     if configurations and unknown:
         named = ", ".join(map(repr, unknown))
         raise UserError(f"the suite does not know the configurations {named}", file=path, choices=configurations)
     notes = [_note(path, name, seeds_of[name]) for name in assumed]
-    return Trials(list(episodes.values()), notes)
+    return Trials(episodes, notes)
 
 
 def read_measured(
@@ -114,7 +116,7 @@ def read_measured(
     """Read a CSV (`read_csv`), or a folder of trials (`vispeg.trials.trial`).
 
     Trials in which the policy did not move the arm, or not at full speed, are left out; a note counts them. Another
-    tells of trials of another policy of the same name.
+    tells of trials of another policy of the same name. Trials without a seed are different ones.
 
     Args:
         path: the CSV or the folder.
@@ -127,7 +129,7 @@ def read_measured(
     """
     if not Path(path).is_dir():
         return read_csv(path, world, policies)
-    episodes: dict[tuple[object, ...], Episode] = {}
+    found: list[_Found] = []
     left_out, others, known = 0, dict[str, None](), digests or {}
     names = {name for name, _ in known.values()}
     for folder in folders(path):
@@ -154,15 +156,30 @@ def read_measured(
             peak_force=math.nan if o.peak_force_n is None else o.peak_force_n,
             depth=math.nan if o.depth_m is None else o.depth_m,
         )
-        if episode.key in episodes:
-            raise UserError("the same trial twice", file=file, key="seed", got=episode.key)
-        episodes[episode.key] = episode
-    if not episodes:
+        found.append((episode, said.seed is not None, file, "seed"))
+    if not found:
         raise UserError("no trials in which the arm was moved at full speed", file=path)
     place = Path(path).name
     notes = [f"{left_out} trials of {place} were shadows or slowed down: left out"] if left_out else []
     notes += [f"{place} holds trials of another policy than the {name} that is given" for name in others]
-    return Trials(list(episodes.values()), notes)
+    return Trials(_numbered(found), notes)
+
+
+def _numbered(found: Sequence[_Found]) -> list[Episode]:
+    """Return the episodes, with the first free numbers as seeds of those without one.
+
+    Raises:
+        UserError: two with a seed are the same trial.
+    """
+    taken = {episode.seed for episode, stated, *_ in found if stated}
+    free = (number for number in itertools.count() if number not in taken)
+    episodes: dict[tuple[object, ...], Episode] = {}
+    for trial, stated, file, key in found:
+        episode = trial if stated else replace(trial, seed=next(free))
+        if episode.key in episodes:
+            raise UserError("the same trial twice", file=file, key=key, got=episode.key)
+        episodes[episode.key] = episode
+    return list(episodes.values())
 
 
 def _note(path: Path, policy: str, seeds: list[int]) -> str:
