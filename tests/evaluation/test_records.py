@@ -4,6 +4,7 @@ import json
 import signal
 import subprocess
 import sys
+import tracemalloc
 from dataclasses import replace
 
 import pytest
@@ -37,6 +38,21 @@ def test_a_half_written_line_is_neither_read_nor_kept(tmp_path):
     assert read(path) == [ONE]
     append(path, [replace(ONE, seed=8)])
     assert [e.seed for e in read(path)] == [7, 8]
+
+
+def test_an_episode_is_appended_to_a_large_file_without_reading_it(tmp_path):
+    path = tmp_path / "e.jsonl"
+    with path.open("wb") as file:
+        file.seek(50_000_000)  # a hole, which takes no room
+        file.write(b"\n" + b"x" * 200_000)  # and a half-written line
+    tracemalloc.start()
+    append(path, [ONE])
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1_000_000
+    with path.open("rb") as file:
+        file.seek(50_000_000)
+        assert file.read() == b"\n" + ONE.to_json().encode() + b"\n"
 
 
 def test_one_file_may_repeat_another_but_not_contradict_it(tmp_path):

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from vispeg.core.disk import written
 from vispeg.core.errors import UserError
@@ -17,6 +18,7 @@ from vispeg.formats.guard import read_bytes
 from vispeg.formats.json_data import parse_json
 
 LARGEST = 2_000_000_000  # largest file of episodes, bytes
+BLOCK = 65_536  # bytes that are read at once where the end of the last line is sought; few lines have more
 
 
 @dataclass(frozen=True)
@@ -88,8 +90,7 @@ def append(path: str | Path, episodes: Iterable[Episode]) -> None:
     with written(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     with written(path), path.open("ab+") as file:
-        end = _end_of_last_line(path)
-        file.truncate(end)
+        file.truncate(_end_of_last_line(file))
         file.write(text.encode())
         file.flush()
 
@@ -161,9 +162,16 @@ def check_worlds(episodes: Iterable[Episode]) -> dict[str, str]:
     return hashes
 
 
-def _end_of_last_line(path: Path) -> int:
-    data = path.read_bytes() if path.exists() else b""
-    return data.rfind(b"\n") + 1
+def _end_of_last_line(file: BinaryIO) -> int:
+    """Return the position after the last line end of a file, 0 without one; it is sought in blocks from the end."""
+    start = file.seek(0, os.SEEK_END)
+    while start:
+        size = min(BLOCK, start)
+        start = file.seek(start - size)
+        at = file.read(size).rfind(b"\n")
+        if at >= 0:
+            return start + at + 1
+    return 0
 
 
 def measure(key: str, value: Any, where: Mapping[str, Any]) -> float:
