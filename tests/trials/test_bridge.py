@@ -96,6 +96,9 @@ def test_prices_are_hours_of_what_was_measured_and_what_was_stated(tmp_path):
     assert training_of(run, Prices()).hours == 1.5
     (tmp_path / "run" / "progress.csv").write_text("steps,seconds\n10,450000\n")
     assert training_of(run, Prices()).source.startswith("125 h")
+    for begun in ("0", "nan", "inf", "-1"):  # not measured, which is not the same as free
+        (tmp_path / "run" / "progress.csv").write_text(f"steps,seconds\n10,{begun}\n")
+        assert training_of(run, Prices()).hours is None
     assert len(priced(stated, causes=None, remainder=None)) == 2 and ranked([]) == []
     assert priced(stated, gap=-0.2)[-1]["an_hour"] == 0.0, "nothing is won back where nothing is lost"
 

@@ -67,8 +67,9 @@ def training_of(policy: Path | None, prices: Prices) -> Training:
                     seconds = [float(row["seconds"]) for row in csv.DictReader(file)]
             except (OSError, ValueError, KeyError, TypeError):
                 continue
-            if seconds:
-                return Training(max(seconds) / HOUR, f"{max(seconds) / HOUR:.3g} h of training, as {log.name} measured")
+            hours = max(seconds, default=0.0) / HOUR
+            if 0.0 < hours < float("inf"):  # else it was not measured
+                return Training(hours, f"{hours:.3g} h of training, as {log.name} measured")
     return Training(None, "the policy's training time is not known: --training-hours states it")
 
 
