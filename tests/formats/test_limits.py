@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+import yaml
 
 import vispeg
 from vispeg.core.errors import UserError
@@ -59,6 +60,16 @@ def test_yaml_within_the_limits_is_plain_data():
     assert data["b"] == data["a"] | {"p": 2}
     assert data["c"] == data["a"] and data["c"] is not data["a"]  # written out: changing one leaves the other
     assert data["day"] == "2024-01-31" and data["1"] == "one"
+
+
+def test_a_merge_key_is_no_key_in_quotes_as_in_pyyaml():
+    """Each of the two may be given once; PyYAML takes more of them, which this reader refuses as repeated keys."""
+    for merge in ("<<", "!!merge <<"):
+        text = f"{merge}: {{x: 1, y: 1}}\n'<<': 3\ny: 2"
+        assert parse_yaml(text, "F") == yaml.safe_load(text) == {"x": 1, "y": 2, "<<": 3}
+    for twice in ("<<: {}\n<<: {x: 1}", "<<: []\n<<: {x: 1}", "'<<': 1\n<<: {}\n'<<': 2"):
+        with pytest.raises(UserError, match="'<<' is given twice"):
+            parse_yaml(twice, "F")
 
 
 @pytest.mark.parametrize(

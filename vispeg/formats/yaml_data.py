@@ -107,7 +107,7 @@ class _Builder:
     def mapping(self, levels: int) -> dict[str, Any]:
         """Read a mapping up to its end. `<<` merges other mappings into it; its own keys take precedence."""
         explicit: dict[str, Any] = {}
-        merged: dict[str, Any] = {}
+        merged: dict[str, Any] | None = None
         for event in self.until(yaml.MappingEndEvent):
             self.line = event.start_mark.line + 1
             if not isinstance(event, yaml.ScalarEvent):
@@ -115,17 +115,19 @@ class _Builder:
             self.take(1)
             key, line = event.value, self.line
             value = self.value(next(self.events), levels)
-            if key in explicit or (key == "<<" and merged):
+            merges = key == "<<" and (event.implicit[0] or event.tag == CORE + "merge")  # in quotes it is a key
+            if merged is not None if merges else key in explicit:
                 self.line = line
                 raise self.error(f"'{key}' is given twice")
-            if key != "<<" or not event.implicit[0]:  # in quotes or with a tag, `<<` is an ordinary key
+            if not merges:
                 explicit[key] = value
                 continue
+            merged = {}
             for other in reversed(value if isinstance(value, list) else [value]):  # the first has precedence
                 if not isinstance(other, dict):
                     raise self.error("'<<' merges mappings only")
                 merged |= other
-        return merged | explicit
+        return (merged or {}) | explicit
 
     def scalar(self, event: yaml.ScalarEvent) -> Any:
         """Return the value of a scalar: text, a number, a boolean or None."""
