@@ -40,5 +40,5 @@ def displaced(depth: np.ndarray, change: np.ndarray, fb: np.ndarray) -> np.ndarr
 
 
 def truth(frame) -> np.ndarray:
-    """Return depth as rendered (n, H, W), m: the frame's `truth`, else its `depth`; None if it has neither."""
+    """Return depth as rendered (n, H, W), m: the frame's `truth`, else its `depth`, of which it has one."""
     return frame.depth if frame.truth is None else frame.truth

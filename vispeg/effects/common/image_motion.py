@@ -15,8 +15,9 @@ from vispeg.effects.common.rays import rays
 
 def nearness(frame, row: int) -> np.ndarray:
     """Return 1 / depth (H, W) of an image as rendered, 1/m; 0 where nothing is seen or depth is not known."""
-    depth = truth(frame)
-    return np.zeros(frame.shape, np.float32) if depth is None else disparity(depth[row], np.float32(1))
+    if frame.truth is None and frame.depth is None:
+        return np.zeros(frame.shape, np.float32)
+    return disparity(truth(frame)[row], np.float32(1))
 
 
 def image_flow(frame, row: int, near: np.ndarray) -> np.ndarray:
