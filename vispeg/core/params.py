@@ -45,6 +45,14 @@ class Param:
             raise ValueError(f"start {self.start} outside [{self.low}, {self.high}]")
 
 
+def seed_param(doc: str, start: float = 0.0) -> Param:
+    """Return a shape parameter that seeds an effect's random choices, so that a sampled world can be replayed.
+
+    It is rounded down to a whole number.
+    """
+    return Param(0.0, 0.0, 2.0**31 - 1, "1", start=start, shape=True, doc=doc)
+
+
 @dataclass(frozen=True)
 class Value:
     """A parameter's value, with its 95 % interval `low` to `high` if it was fitted or measured."""

@@ -19,7 +19,7 @@ from vispeg.measure.frequency import Point
 from vispeg.measure.loops import Stroke
 from vispeg.measure.steps import Servo, Step
 from vispeg.measure.steps_with_friction import Moved, Shared, shared
-from vispeg.measure.trace import Trace, refuse_no_servo
+from vispeg.measure.trace import Trace, angle_noise, refuse_no_servo
 from vispeg.measure.uncertainty import Input, propagate, rectangular, repeated, stated
 from vispeg.worlds.measurement_file import Quantity
 
@@ -226,7 +226,10 @@ def _of_steps(
     bands = np.array([Servo(*(groups[n][k] for n in steps.NAMES)).bandwidth_hz for k in range(len(groups["gain"]))])
     results.append(_over_sizes("bandwidth_from_steps", "Hz", bands, 0.0, rng, count))
     if common.band > 0.0:
-        inputs = [repeated("sizes and directions", groups["rest_band"]), rectangular("noise at rest", _noise(traces))]
+        inputs = [
+            repeated("sizes and directions", groups["rest_band"]),
+            rectangular("noise at rest", angle_noise(traces)),
+        ]
         results.append(propagate("rest_band", "rad", lambda *x: sum(x), inputs, rng, repeats=count))
     sizes = steps.sizes(responses)
     if len(sizes) < 3:
@@ -252,11 +255,6 @@ def _early(results: Sequence[Quantity], notes: list[str]) -> None:
 def _half_period(traces: Sequence[Trace]) -> float:
     """Return half the time between two rows, s."""
     return 0.5 * max(t.period for t in traces)
-
-
-def _noise(traces: Sequence[Trace]) -> float:
-    """Return the standard deviation of the angles' noise, rad: that of their second differences over sqrt(6)."""
-    return float(np.median([np.std(np.diff(t.q, 2)) for t in traces])) / np.sqrt(6.0)
 
 
 def _viscous(friction: Sequence[Quantity]) -> Quantity | None:
@@ -300,7 +298,7 @@ def _loop_of_steps(
         x, values, rest = common.nearest(moving, start.numbers)  # now with dry friction, fitted to all steps
         loop, each, bands = Loop.of(x[:4]), values[:4], values[4]
         groups = steps.about(groups, look(loop))
-        noise = _noise(traces) / np.array([abs(s.size) for s in responses])
+        noise = angle_noise(traces) / np.array([abs(s.size) for s in responses])
         left = float(np.sqrt(max(np.mean(rest**2 - noise**2), 0.0) + LINEAR**2))
     inputs = [repeated(f"{word} over sizes and directions", x) for word, x in zip(WORDS, _five(each), strict=True)]
     misfit = rectangular("residual of the steps", left)
@@ -311,7 +309,7 @@ def _loop_of_steps(
         least = left * min(abs(s.size) for s in responses)
         dry = [
             repeated("rest band", bands),
-            rectangular("noise at rest", _noise(traces)),
+            rectangular("noise at rest", angle_noise(traces)),
             rectangular("residual of the least step", least),
             inputs[1],
         ]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vispeg.measure.trace import Trace, strokes
+from vispeg.measure.trace import Trace, angle_noise, strokes
 
 SETTLING = 0.35  # share of each way, from its start, that is left out
 WITHIN = 0.5  # share of the commanded speed by which a moving joint's speed may differ; else it starts or sticks
@@ -76,9 +76,9 @@ def _stroke(trace: Trace, out: tuple[int, int], back: tuple[int, int], speed: fl
     velocity = np.gradient(trace.q, trace.time)
     signals = [velocity, np.gradient(velocity, trace.time), trace.q_cmd - trace.q]
     measured_speed, acceleration, lag = (float(shares[0] @ values[both]) for values in signals)
-    # rad/s: 4 standard deviations of the angle's noise over a third of a way; noise is sqrt(6) larger in diff(q, 2)
-    noise = 4.0 * float(np.std(np.diff(trace.q, 2))) / np.sqrt(6.0) / (len(rows[0]) // 3 * trace.period)
-    moves = all(abs(abs(v) - speed) <= WITHIN * speed + noise for r in rows for v in _speeds(trace, r))
+    # rad/s: 4 standard deviations of the angle's noise over a third of a way
+    slack = 4.0 * angle_noise([trace]) / (len(rows[0]) // 3 * trace.period)
+    moves = all(abs(abs(v) - speed) <= WITHIN * speed + slack for r in rows for v in _speeds(trace, r))
     stroke = Stroke(trace, float(trace.time[out[0]]), both, shares[0], measured_speed, acceleration, lag, moves)
     if trace.tau is None or not trace.signed() or not moves:
         return stroke

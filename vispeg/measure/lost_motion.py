@@ -9,7 +9,7 @@ import numpy as np
 from vispeg.measure import loops
 from vispeg.measure.friction_curve import friction, line, separable
 from vispeg.measure.loops import Stroke
-from vispeg.measure.trace import Trace
+from vispeg.measure.trace import Trace, angle_noise
 from vispeg.measure.uncertainty import propagate, rectangular, repeated
 from vispeg.worlds.measurement_file import Quantity
 
@@ -78,7 +78,7 @@ def _backlash(
                 "backlash is not shown: " + (reason if load > friction else "the loop's height is in the noise")
             )
         return
-    noise = float(np.median([np.std(np.diff(t.q, 2)) for t in traces])) / np.sqrt(6.0)
+    noise = angle_noise(traces)
     # the joint turns while the torque is averaged over `loops.SMOOTH`
     turned = 0.5 * loops.SMOOTH * float(max(s.speed for s in with_gap))
     inputs = [repeated("reversals", gaps), rectangular("angle while the torque is smoothed", turned + 2.0 * noise)]

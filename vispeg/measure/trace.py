@@ -72,6 +72,14 @@ class Trace:
         return bool(least < -0.05 * most or least > 0.2 * most)
 
 
+def angle_noise(traces: Sequence[Trace]) -> float:
+    """Return the standard deviation of the angles' noise, rad: the median over the traces.
+
+    A second difference of independent noise has sqrt(1 + 4 + 1) times its standard deviation.
+    """
+    return float(np.median([np.std(np.diff(t.q, 2)) for t in traces])) / np.sqrt(6.0)
+
+
 def most_moved(paths: Sequence[Path]) -> str:
     """Return the joint whose command varies most within one of the recordings.
 

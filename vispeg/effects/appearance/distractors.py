@@ -17,9 +17,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from vispeg.core.params import Param
+from vispeg.core.params import Param, seed_param
 from vispeg.core.seeds import stream
-from vispeg.effects.common.appearance import SEEDS, SceneLook
+from vispeg.effects.common.appearance import SceneLook
 from vispeg.effects.common.colour import rgb_of_hsv
 
 KEEP_OUT = 0.09  # m, from the goal's axis to the nearest point of an object
@@ -36,7 +36,7 @@ class Distractors(SceneLook):
     params = {
         "count": Param(0.0, 0.0, 5.0, "1", start=3.0, doc="number of objects, rounded"),
         "size": Param(1.0, 0.4, 1.5, "1", start=1.0, shape=True, doc="scale of the built-in shapes"),
-        "seed": Param(0.0, 0.0, SEEDS, "1", start=1.0, shape=True, doc="seed of kinds, sizes, colours and places"),
+        "seed": seed_param("seed of kinds, sizes, colours and places", start=1.0),
     }
     writes = frozenset(f"geom_{x}" for x in ("pos", "quat", "size", "rgba", "rbound", "aabb", "sameframe"))
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from vispeg.core.params import Param
+from vispeg.core.params import Param, seed_param
 from vispeg.core.seeds import stream
-from vispeg.effects.common.appearance import SEEDS, PartLook, blend, pixels, where_nonzero
+from vispeg.effects.common.appearance import PartLook, blend, pixels, where_nonzero
 from vispeg.effects.common.colour import rgb_of_hsv
 from vispeg.effects.common.texture import CELLS, KINDS
 
@@ -30,7 +30,7 @@ class PartTexture(PartLook):
             0.03, 0.002, 0.5, "m", start=0.03, shape=True, scale="log", doc="size of a feature of the pattern"
         ),
         "tint": Param(0.0, 0.0, 1.0, "1", start=0.5, shape=True, doc="saturation of the second tone; 0 is grey"),
-        "seed": Param(0.0, 0.0, SEEDS, "1", start=1.0, shape=True, doc="seed of pattern and tone"),
+        "seed": seed_param("seed of pattern and tone", start=1.0),
     }
     writes = frozenset({"tex_data", "mat_texrepeat"})
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from vispeg.core.params import Param
+from vispeg.core.params import Param, seed_param
 from vispeg.core.seeds import stream
-from vispeg.effects.common.appearance import SEEDS, SceneLook, blend, pixels
+from vispeg.effects.common.appearance import SceneLook, blend, pixels
 from vispeg.effects.common.panorama import directions, look_up, procedural, tone_mapped
 
 
@@ -20,7 +20,7 @@ class Sky(SceneLook):
     order = 40
     params = {
         "amount": Param(0.0, 0.0, 1.0, "1", start=1.0, doc="share of the procedural sky over the nominal one"),
-        "seed": Param(0.0, 0.0, SEEDS, "1", start=1.0, shape=True, doc="seed of colours, objects and lamps"),
+        "seed": seed_param("seed of colours, objects and lamps", start=1.0),
     }
     writes = frozenset({"tex_data"})
 

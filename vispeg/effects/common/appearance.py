@@ -9,8 +9,6 @@ import numpy as np
 
 from vispeg.core.effect import Effect
 
-SEEDS = 2.0**31 - 1  # greatest value of a seed parameter, which is rounded down to a whole number
-
 
 class PartLook(Effect):
     """An appearance effect of parts that have a material and a texture of their own.

@@ -9,9 +9,7 @@ import mujoco
 import numpy as np
 
 from vispeg.core.effect import Effect, Values
-from vispeg.core.params import Param
 
-SEED_MAX = float(2**31 - 1)
 LOOK_FAST = "look-fast: fast motion up and down the image, both ways"  # motion that shows an effect of time
 DELIVERED = ("rgb", "depth", "shown")  # fields of a Frame that are delivered late if a camera is late
 
@@ -60,11 +58,6 @@ class CameraEffect(Effect):
         for name in others:
             at_work = at_work | (np.asarray(p[name]) != self.params[name].null)
         return at_work.nonzero()[0]
-
-
-def seed_param(doc: str) -> Param:
-    """Return a shape parameter that seeds an effect's random choices, so that a sampled world can be replayed."""
-    return Param(0.0, 0.0, SEED_MAX, "1", start=0.0, shape=True, doc=doc)
 
 
 def column(values: np.ndarray, rows: np.ndarray, axes: int) -> np.ndarray:

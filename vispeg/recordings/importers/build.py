@@ -110,7 +110,7 @@ def joint_side(
             raise UserError(message, file=mapping.file or source, key="motors", got=lacking[0])
         values = np.stack([columns[names[j]] for j in present], axis=1).astype(float)
         if signal == "q":
-            values, _ = straightened(values, np.tile([-np.inf, np.inf], (len(present), 1)), columns.get("episode"))
+            values, _ = straightened(values, episode=columns.get("episode"))
             measured = dict(zip(present, values.T, strict=True))
         elif signal == "q_cmd":
             q = np.stack([measured.get(j, np.full(len(values), np.nan)) for j in present], axis=1)

@@ -20,17 +20,21 @@ WITHIN = 0.02  # share of the shifted angles that may lie outside the range; wit
 SLACK = 0.1  # rad beyond a stated range, as the ranges in robot files are not exact
 
 
-def straightened(q: np.ndarray, limits: np.ndarray, episode: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+def straightened(
+    q: np.ndarray, limits: np.ndarray | None = None, episode: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Unwrap angles, and shift each joint by whole turns so that most of its angles lie in its range.
 
     Args:
         q: (n, nj) rad, NaN where missing.
-        limits: (nj, 2) rad, infinite where not known, where angles are unwrapped but not shifted.
+        limits: (nj, 2) rad, infinite where not known, where angles are unwrapped but not shifted; None for all joints.
         episode: (n,) episode number of each row; None for a single episode.
 
     Returns:
         The angles (n, nj) rad, and whether each joint was changed, (nj,) bool.
     """
+    if limits is None:
+        limits = np.tile([-np.inf, np.inf], (q.shape[1], 1))
     out = np.array(q, float)
     breaks = [] if episode is None else np.flatnonzero(np.diff(episode) != 0) + 1
     for rows in np.split(np.arange(len(q)), breaks):
@@ -49,7 +53,7 @@ def beside(goal: np.ndarray, q: np.ndarray, episode: np.ndarray | None = None) -
         q: (n, nj) measured angles without wraps, rad; without any in an episode, its angles are not shifted.
         episode: (n,) episode number of each row; None for a single episode.
     """
-    straight, _ = straightened(goal, np.tile([-np.inf, np.inf], (goal.shape[1], 1)), episode)
+    straight, _ = straightened(goal, episode=episode)
     # the median of an episode's readings; 0 if there are none
     away = np.ma.masked_invalid((straight - q) / TURN)
     of_episode = _by_episode(away, episode, lambda part: np.ma.filled(np.ma.median(part, axis=0), 0.0))

@@ -8,8 +8,8 @@ Hirschmueller, Stereo processing by semiglobal matching and mutual information, 
 
 from __future__ import annotations
 
-from vispeg.core.params import Param
-from vispeg.effects.common.camera import CameraEffect, seed_param
+from vispeg.core.params import Param, seed_param
+from vispeg.effects.common.camera import CameraEffect
 
 
 class BlockMatching(CameraEffect):

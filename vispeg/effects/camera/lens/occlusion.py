@@ -10,9 +10,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from vispeg.core.params import Param
+from vispeg.core.params import Param, seed_param
 from vispeg.core.seeds import stream
-from vispeg.effects.common.camera import CameraEffect, seed_param
+from vispeg.effects.common.camera import CameraEffect
 
 
 class Occlusion(CameraEffect):

@@ -106,7 +106,7 @@ def _by_torques(
         return {}  # the proposal itself reports it
     if needs is None or rec.tau is None:
         return {}
-    q, _ = straightened(rec.q / TINY * unit, np.tile([-np.inf, np.inf], (len(out.joints), 1)), rec.episode)
+    q, _ = straightened(rec.q / TINY * unit, episode=rec.episode)
     return ratios(replace(rec, q=q), needs, places)
 
 

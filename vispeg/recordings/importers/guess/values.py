@@ -173,7 +173,7 @@ def _fits(
     if not RATES[0] <= 1.0 / period <= RATES[1]:
         return False
     good = step > 0
-    unwrapped, _ = straightened(q, np.tile([-np.inf, np.inf], (q.shape[1], 1)))
+    unwrapped, _ = straightened(q)
     speed = np.diff(unwrapped, axis=0)[good] / (step[good] * factor)[:, None]
     top = np.where(np.isfinite(limits.velocity), 3.0 * limits.velocity, TOP_SPEED)
     if np.any(np.nanquantile(np.abs(speed), 0.99, axis=0) > top):
