@@ -158,6 +158,20 @@ def test_rivals_fitted_side_by_side_are_those_fitted_one_after_the_other(searche
             np.testing.assert_allclose(first.loss, second.loss, rtol=1e-9)
 
 
+def test_fits_of_an_effects_rivals_share_the_derivatives_of_the_others(searched):
+    """They are as long as the recordings, so a copy for each rival would take most of the memory."""
+    search, state = searched
+    others = replace(state)
+    (fit,) = search.fits(
+        [state.world.without(HIDDEN[1].effect, HIDDEN[1].where)], 0, columns=[state.derivatives([HIDDEN[1]])]
+    )
+    others.take(fit, search.judge.losses([fit.world])[0])
+    proposed = [EffectInstance.of(name, "elbow", **start(name)) for name in ("joint_bias", "rotor_inertia")]
+    columns = [others.derivatives() for _ in proposed]
+    fits = search.fits([fit.world.add(e) for e in proposed], 0, columns=columns)
+    assert all(np.shares_memory(f.columns[0], fit.jacobian) and f.columns[1].shape[1] == 1 for f in fits)
+
+
 @pytest.mark.slow
 def test_the_library_is_asked_in_the_joint_that_misses_most_unless_only_noise_is_left(searched):
     """Also of many effects, of which linear algebra alone proposes nothing here."""

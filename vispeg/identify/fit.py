@@ -238,7 +238,10 @@ def _cma(
 def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, point: Point) -> Fit:
     """Return the fit that ended at coordinates `u`, with 95 % intervals by Student's t over blocks of time."""
     r, jac = point.at(u)
-    columns = (jac,) if point.columns is None else (point.columns, jac[:, point.columns.shape[1] :].copy())
+    columns = (jac,)
+    if point.columns is not None:
+        own = jac[:, point.columns.shape[1] :]
+        columns = (point.columns, own.copy()) if own.size else (point.columns,)
     sigma, correlation, weak = _uncertainty(evidence, r, jac, space)
     low, high = space.bounds
     t = float(stats.t.ppf(0.975, max(2, len(np.unique(evidence.blocks())) - len(u))))

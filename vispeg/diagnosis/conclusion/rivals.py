@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.effect import EffectInstance, effect, searchable
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.localise import joint_z
 from vispeg.diagnosis.findings import Rivals, Score, Trial
@@ -26,7 +26,7 @@ from vispeg.diagnosis.selection.tries import try_each
 from vispeg.identify.fit import Fit, Race
 from vispeg.worlds.places import ALL
 
-AT_ONCE = 2**30  # bytes of derivatives that concurrent fits may hold
+AT_ONCE = 2**30  # bytes of residuals and derivatives that concurrent fits may hold
 
 
 def replaced(search: Searching, state: State) -> bool:
@@ -128,10 +128,7 @@ def _proposed(search: Searching, state: State, say: Callable[[str], None]) -> li
     asked = {e.label: e.rivals for e in search.exchanges(state) if e.rivals}
     beyond, alike = _beyond(search, state), search.evidence.alike
     placed = [e for e in state.added if e.label in asked or e.where in beyond]
-    size = (  # bytes of derivatives per effect: of the fit without it, and twice of each of its rivals' fits
-        8 * state.residual.size * (1 + len(state.world.effects)) * (1 + 2 * (RULES.name_class + RULES.fitted))
-    )
-    batch, by_label = max(1, AT_ONCE // size), {}
+    batch, by_label = max(1, AT_ONCE // _bytes(search, state)), {}
     for start in range(0, len(placed), batch):
         part = placed[start : start + batch]
         say(f"looking for rivals of {', '.join(e.label for e in part)}")
@@ -146,6 +143,17 @@ def _proposed(search: Searching, state: State, say: Callable[[str], None]) -> li
         for e, without, trials in zip(part, reduced, found, strict=True):
             by_label[e.label] = compared(search.judge, state, e.label, trials, search.judge.mean(without.loss), alike)
     return [by_label.get(e.label, Rivals(e.label, (), ())) for e in state.added]
+
+
+def _bytes(search: Searching, state: State) -> int:
+    """Return the most bytes of residuals and derivatives that the fits of one effect's rivals hold at a time.
+
+    They share the derivatives to the other effects' coordinates; each has its residual and its derivatives to the
+    rival's own coordinates at two points (`Point.evaluated`).
+    """
+    shared = 1 if state.fit is None else 1 + len(state.fit.u)
+    own = 1 + max(len(kind.params) for kind in searchable().values() if search.evidence.sees(kind))
+    return 8 * state.residual.size * (shared + 2 * (RULES.name_class + RULES.fitted) * own)
 
 
 def _beyond(search: Searching, state: State) -> set[str]:
