@@ -186,6 +186,7 @@ def run_episode(
     loop = _Loop(policy, interface, robot, connected, how, clock, show, key)
     ended: str | None = None
     verdict: Mapping[str, Any] | None = None
+    # for a call that does not return; the loop itself ends after `silence`, and has several times that to do so
     dog = Watchdog(robot.stop, 4 * how.silence) if watch else None
     try:
         if dog is None:
@@ -228,7 +229,7 @@ class _Loop:
         self.builder, self.tape = Builder(slowed), Tape(interface, connected.wrench is not None)
         self.count, self.missed, self.reads, self.stale, self.peak = round(interface.steps / how.slow), 0, 0, 0, 0.0
         self.cameras = tuple(dict.fromkeys(camera_of(key) for key in interface.images))
-        # s, as long as the window over which the wrench is averaged
+        # s; a later command answers a mean wrench of which nothing is left in the window over which it is averaged
         self.deadline = RECENT * interface.controller.period_s
         believed = how.goal or connected.start.get("believed_m")
         self.ended: Callable[[], bool | None] = getattr(robot, "ended", lambda: None)
