@@ -64,11 +64,13 @@ def test_a_look_reads_the_torque_asked_for_and_refuses_a_limit_of_force():
 
 def test_whole_insertions_state_their_outcome(vispeg, tmp_path):
     code, said, _ = vispeg(
-        "record", "nominal", "--motion", "expert", "--rate", "200", "--table", "parquet", "--out", "e"
+        *("record", "nominal", "--motion", "expert", "--rate", "200", "--table", "parquet", "--out", "e"),
+        *("--force-limit", "12"),
     )
     assert code == 0 and "success" in said
     rec = load(tmp_path / "e")
     assert rec.outcomes[0].success and rec.cell is not None and rec.cell.world == "nominal"
+    assert rec.control.force_limit == 12.0
 
 
 @pytest.mark.parametrize(
@@ -78,6 +80,11 @@ def test_whole_insertions_state_their_outcome(vispeg, tmp_path):
         (["--motion", "tap", "--kp", "3"], "--kp"),
         (["--motion", "tap", "--torque-sensor", "motor"], "--torque-sensor"),
         (["--motion", "tap", "--effects", "contact_friction:joint3"], "joint3"),
+        (["--motion", "tap", "--rate", "0"], "ten samples"),
+        (["--motion", "tap", "--rate", "1e9"], "1000000 samples"),
+        (["--motion", "still.csv", "--rate", "-5"], "still.csv: time: a motion needs ten samples"),
+        (["--motion", "expert", "--rate", "0"], "ten samples"),
+        (["--motion", "slide", "--force-limit", "-3"], "--force-limit: must be above 0"),
         (["--motion", "nowhere.csv"], "no such motion file"),
         (["--motion", "bad.csv"], "bad.csv"),
         (["--motion", "far.csv"], "reach"),
@@ -87,6 +94,7 @@ def test_whole_insertions_state_their_outcome(vispeg, tmp_path):
 def test_mistakes_end_in_one_line(vispeg, tmp_path, options, message):
     head = "time,ee_cmd.x,ee_cmd.y,ee_cmd.z,ee_cmd.qw,ee_cmd.qx,ee_cmd.qy,ee_cmd.qz\n"
     (tmp_path / "bad.csv").write_text(head + "0,0.6,0,0.3,0,0.5,0,0\n" * 20)
+    (tmp_path / "still.csv").write_text(head + "".join(f"{k / 100},0.6,0,0.3,0,1,0,0\n" for k in range(20)))
     (tmp_path / "far.csv").write_text(head + "".join(f"{k / 100},9,0,0.3,0,1,0,0\n" for k in range(20)))
     code, _, error = vispeg("record", "peg-cell", *options, "--out", "x")
     assert code == 2 and message in error and len(error.strip().splitlines()) == 1

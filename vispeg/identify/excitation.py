@@ -14,10 +14,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.recordings.validate import check_length
 
 SEVEN_AXIS_CENTRE = (0.0, 0.5, 0.0, -1.2, 0.0, 0.9, 0.0)  # flange in front, pointing down, well above the table
 SEVEN_AXIS_REACH = (0.9, 0.4, 0.7, 0.45, 1.0, 0.6, 1.2)  # rad, reach around it that stays clear of table and base
-MOST_SAMPLES = 1_000_000  # half an hour at 500 Hz, to bound memory
 
 
 class Robot(Protocol):
@@ -252,12 +252,8 @@ def room_of(
     around the middle of its ranges. Joints without limits get half a turn to either side, and 2 rad/s.
     """
     nj, limits = len(robot.joints), np.asarray(robot.range, float)
-    count, got = duration * rate_hz, f"{duration:g} s at {rate_hz:g} Hz"
-    if not (rate_hz > 0.0 and count > 9.5):  # also refuses nan
-        raise UserError("a motion needs ten samples at least", got=got)
-    if count > MOST_SAMPLES:
-        raise UserError("too long a motion", expected=f"at most {MOST_SAMPLES} samples", got=got)
-    n = round(count)
+    check_length(duration, rate_hz)
+    n = round(duration * rate_hz)
     free = ~np.isfinite(limits).all(axis=1) | (limits[:, 0] >= limits[:, 1])
     low, high = np.where(free, -np.pi, limits[:, 0]), np.where(free, np.pi, limits[:, 1])
     mid, half = (low + high) / 2.0, (high - low) / 2.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from vispeg.recordings.tables.table import Table
 
 MAX_ANGLE = 4 * np.pi  # rad: larger angles must be degrees, as no arm turns so far
 UNIT_TOLERANCE = 1e-2  # of a quaternion's norm: rounding to three digits passes, other columns in its place do not
+MOST_SAMPLES = 1_000_000  # half an hour at 500 Hz, to bound memory
 CLOCKS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 
 
@@ -27,6 +29,19 @@ def _first(values: np.ndarray, wrong: Callable[[np.ndarray], np.ndarray]) -> tup
     """Return (row, column) of the first wrong value in (n, k), testing one column at a time to save memory."""
     places = [(int(np.argmax(bad)), j) for j, column in enumerate(values.T) if (bad := wrong(column)).any()]
     return min(places, default=None)
+
+
+def check_length(seconds: float, rate_hz: float, file: Path | None = None) -> None:
+    """Refuse a motion at an impossible rate, of fewer than ten samples, or of more than MOST_SAMPLES.
+
+    It has one sample more if its table is `file`, from the first row to the last.
+    """
+    count, said = seconds * rate_hz, f"{seconds:g} s at {rate_hz:g} Hz"
+    where = {} if file is None else {"file": file, "key": "time"}
+    if not (rate_hz > 0.0 and count + (file is not None) > 9.5):  # also refuses nan
+        raise UserError("a motion needs ten samples at least", **where, got=said)
+    if count > MOST_SAMPLES:
+        raise UserError("too long a motion", **where, expected=f"at most {MOST_SAMPLES} samples", got=said)
 
 
 def check_share(table: Table, values: np.ndarray, columns: list[str]) -> None:

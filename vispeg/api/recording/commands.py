@@ -78,7 +78,8 @@ def names(space: str | None = None, model: str | None = None) -> list[str]:
     world = None if model is None else read_model(model)
     contact = [name for name in motions_of(world) if name != EXPERT]  # this one is a policy, not a path
     spaces = {"joint": [*JOINT], "contact": contact, "cell": [*LOOKS]}
-    return [name for key, group in spaces.items() if space in (None, key) for name in group]
+    found = [name for key, group in spaces.items() if space in (None, key) for name in group]
+    return [*dict.fromkeys(found)]  # `mix` is a motion of joints and one in contact
 
 
 def write_motion(

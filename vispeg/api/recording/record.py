@@ -201,6 +201,8 @@ def record(
     )
     if repeat < 1:
         raise UserError("nothing to record", key="--repeat", expected="1 or more", got=repeat)
+    if force_limit is not None and not 0 < force_limit < float("inf"):
+        raise UserError("must be above 0", key="--force-limit", got=force_limit)
     world = model if isinstance(model, World) else read_model(str(model))
     of_cells = motions_of(world)
     looks = asked.motion.startswith("look") and not asked.is_file and asked.motion not in of_cells
@@ -301,7 +303,9 @@ def _of_contact(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
     noise, rng = asked.levels, stream(asked.seed, "record", "noise")
     options = {"rate_hz": asked.rate_hz, "torque_sensor": asked.torque_sensor, "repeat": asked.repeat}
     if asked.motion == EXPERT:
-        rec = record_expert(world.add(*looks), asked.seed, noise, rng, **options, name=asked.name)
+        rec = record_expert(
+            world.add(*looks), asked.seed, noise, rng, **options, name=asked.name, force_limit=asked.force_limit
+        )
     else:
         path = cell_motion(world, asked.motion, rate_hz=asked.rate_hz, seed=asked.seed, force_limit=asked.force_limit)
         if cameras:

@@ -8,9 +8,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from vispeg.core.errors import UserError
-from vispeg.identify.excitation import MOST_SAMPLES, Motion
+from vispeg.identify.excitation import Motion
 from vispeg.recordings.columns import columns_of
 from vispeg.recordings.tables.read import read_table
+from vispeg.recordings.validate import check_length
 from vispeg.robots.model import RobotModel
 
 
@@ -49,11 +50,8 @@ def replay(file: Path, robot: RobotModel, rate_hz: float) -> Motion:
         raise UserError(
             "empty cells", file=file, key="dq_cmd", expected="a number for each joint and sample, or no column"
         )
-    count = int(np.floor(time[-1] * rate_hz + 1e-6)) + 1
-    if count > MOST_SAMPLES:
-        got = f"{time[-1]:g} s at {rate_hz:g} Hz"
-        raise UserError("too long a motion", file=file, key="time", expected=f"at most {MOST_SAMPLES} samples", got=got)
-    grid = np.arange(count) / rate_hz
+    check_length(float(time[-1]), rate_hz, file)
+    grid = np.arange(int(np.floor(time[-1] * rate_hz + 1e-6)) + 1) / rate_hz
     if len(grid) == len(time) and np.all(np.abs(grid - time) < 1e-3 / rate_hz):
         return Motion(file.stem, grid, q, dq)
     return Motion(file.stem, grid, spline(grid), spline(grid, 1) if not present else CubicSpline(time, dq)(grid))

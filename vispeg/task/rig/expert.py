@@ -12,6 +12,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.recordings.cell import Outcome
 from vispeg.recordings.recording import Recording
+from vispeg.recordings.validate import check_length
 from vispeg.task.belief import model_cell
 from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.registry import task_of
@@ -34,6 +35,7 @@ def record_expert(
     torque_sensor: Literal["joint", "none"] = "joint",
     repeat: int = 1,
     name: str = "simulated",
+    force_limit: float | None = None,
     h_max: float = STEP,
 ) -> Recording:
     """Record one episode: a second in free air, then the scripted expert until success, failure or its time limit.
@@ -42,12 +44,16 @@ def record_expert(
         world: the simulated robot: a model with a cell and effects.
         seed: of the episode; it decides where the tip begins.
         noise, rng, rate_hz, torque_sensor, repeat, name, h_max: as for `record_cell`.
+        force_limit: largest force that the controller commands, N; None for the task's.
 
     Raises:
         UserError: the simulation diverges, the world has no cell, or the policy period is not a whole number of control
             periods (1 / rate_hz).
     """
     belief = model_cell(world)
+    if force_limit is not None:
+        belief = replace(belief, config=replace(belief.config, force_limit=force_limit))
+    check_length(belief.config.steps * belief.config.policy_period, rate_hz)
     nsub = max(1, math.ceil(1.0 / (rate_hz * h_max) - 1e-9))
     wait = math.ceil(AIR / belief.config.policy_period)
     changes = {"control_period": 1.0 / rate_hz, "substeps": nsub, "avoid_limits": 0.0}

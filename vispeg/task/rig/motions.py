@@ -19,6 +19,7 @@ from itertools import product
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.recordings.validate import check_length
 from vispeg.robots.scene import Scene
 from vispeg.task.config import TaskConfig
 from vispeg.task.rig.commanded import CellMotion
@@ -306,7 +307,9 @@ def motion(
     near = elbow_turned(scene) if name in TURNED else posture(scene)
     stiffness = STIFF.get(name, config.stiffness)
     path = with_room(paths[name](Place(scene, rng)), scene, stiffness, near)
-    time, frames = paced(path, scene, stiffness, near).frames(rate_hz)
+    path = paced(path, scene, stiffness, near)
+    check_length(sum(leg.seconds for leg in path.legs), rate_hz)
+    time, frames = path.frames(rate_hz)
     most = ROOM * float(np.linalg.norm(frames[:, FORCE], axis=1).max())
     ee_cmd = commands(frames, scene, stiffness, near)
     limit = most if most > config.force_limit else None

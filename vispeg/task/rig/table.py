@@ -16,7 +16,7 @@ from vispeg.core.errors import UserError
 from vispeg.recordings.columns import columns_of
 from vispeg.recordings.tables.read import read_table
 from vispeg.recordings.tables.table import Table
-from vispeg.recordings.validate import check_finite, check_unit
+from vispeg.recordings.validate import check_finite, check_length, check_unit
 from vispeg.task.rig.commanded import CellMotion
 
 NULL, LIMIT = "q_null", "force_limit"
@@ -71,6 +71,7 @@ def read(file: Path, joints: Sequence[str], rate_hz: float, force_limit: float |
     check_unit(table, pose[:, 3:], "ee_cmd")
     time = time - time[0]
     pose[:, 3:] /= np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
+    check_length(float(time[-1]), rate_hz, file)
     grid = np.arange(int(np.floor(time[-1] * rate_hz + 1e-6)) + 1) / rate_hz
     if len(grid) != len(time) or np.any(np.abs(grid - time) > 1e-3 / rate_hz):
         pose = _resampled(time, pose, grid)
