@@ -1,6 +1,7 @@
 """The terminal: lists of what there is, one JSON object or list each, help in people's words, completion with Tab."""
 
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -143,11 +144,45 @@ def test_the_shell_completes_commands_options_choices_and_names(vispeg, tmp_path
     assert completed(script, "vispeg", "record", "--seed", "my") == [""], "a number"
     for given, wanted in (((), ["distill", "distill+sac", "sac"]), (("d",), ["distill", "distill+sac"])):  # --recipe=d
         assert sorted(completed(script, "vispeg", "train", "--recipe", "=", *given)) == wanted
-    for shell in ("zsh", "fish"):
-        code, out, _ = vispeg("completion", shell)
-        assert code == 0 and all(name in out for name in COMMANDS)
-        if shutil.which(shell):
-            subprocess.run([shell, "-n"], input=out, text=True, check=True)
+    assert completed(script, "vispeg", "record", "peg") == ["peg-cell"]  # and --recipe=d in one word, as zsh has it
+    assert completed(script, "vispeg", "train", "--recipe=d") == [
+        "--recipe=distill",
+        "--recipe=distill+sac",
+    ]  # one word
+    code, out, _ = vispeg("completion", "zsh")
+    assert code == 0 and all(name in out for name in COMMANDS)
+    if shutil.which("zsh"):
+        subprocess.run(["zsh", "-n"], input=out, text=True, check=True)
+
+
+@pytest.mark.skipif(shutil.which("fish") is None, reason="no fish")
+def test_fish_completes_commands_options_choices_names_and_files(vispeg, tmp_path):
+    (tmp_path / "vispeg.fish").write_text(vispeg("completion", "fish")[1])
+    (tmp_path / "my rig").mkdir()
+    (tmp_path / "depth-mine").mkdir()
+    lines = {
+        "vispeg co": {c for c in COMMANDS if c.startswith("co")},
+        "vispeg help tr": {"train"},
+        "vispeg camera c": {"calibrate"},
+        "vispeg camera show c": set(),
+        "vispeg camera calibrate --mo": {"--mount"},
+        "vispeg train --recipe d": {"distill", "distill+sac"},
+        "vispeg train --recipe=d": {"--recipe=distill", "--recipe=distill+sac"},
+        "vispeg record iiwa14 --motion tri": {"triangle"},
+        "vispeg record iiwa14 --out=m": {"--out=my rig/"},
+        "vispeg record --seed m": set(),
+        "vispeg record --motion tap pe": {"peg-cell"},
+        "vispeg gap --worlds S V": {"V", "VNP"},
+        "vispeg diagnose iiwa14 --recording a --va": {"--validate"},
+        "vispeg check m": {"my rig/"},
+        "vispeg check d": {"depth-mine/"},
+    }
+    asked = "\n".join(f"echo '= {line}'; complete -C '{line}'" for line in lines)
+    command = ["fish", "--private", "-c", f"source vispeg.fish\n{asked}"]
+    home = {**os.environ, "HOME": str(tmp_path / "home"), "XDG_CONFIG_HOME": str(tmp_path / "home")}
+    said = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path, env=home).stdout
+    found = {part.split("\n")[0]: {*part.split("\n")[1:]} - {""} for part in said.split("= ")[1:]}
+    assert found == lines
 
 
 def test_one_object_and_nothing_else(vispeg, rigs):

@@ -7,7 +7,7 @@ world, robot, policy, motion or effect, as these are plain texts to tyro. And th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
@@ -21,23 +21,58 @@ ZSH = """(( $+functions[compdef] )) || { autoload -U compinit && compinit; }
 autoload -U +X bashcompinit && bashcompinit
 """
 # After `--option value` an option of several values goes on, any other has ended. Names of files may have spaces.
-# bash makes three words of `--option=value`.
+# bash makes three words of `--option=value`, zsh and fish make one, which `compgen -f` of zsh does not complete.
 BASH = """_vispeg() {{
-  local current="${{COMP_WORDS[COMP_CWORD]}}" command="" option="" words="" files="" i=$((COMP_CWORD - 1))
+  local current="${{COMP_WORDS[COMP_CWORD]}}" command="" option="" prefix="" words="" files="" i=$((COMP_CWORD - 1))
   [[ $COMP_CWORD -gt 1 ]] && command="${{COMP_WORDS[1]}}"
   case "$command" in {groups}) [[ $COMP_CWORD -gt 2 ]] && command="$command ${{COMP_WORDS[2]}}" ;; esac
   while [[ $i -gt 0 && "${{COMP_WORDS[i]}}" != --* ]]; do i=$((i - 1)); done
   [[ $i -gt 0 && "$current" != -* ]] && option="${{COMP_WORDS[i]}}"
   [[ "${{COMP_WORDS[i+1]}}" == "=" && $((i + 1)) -lt $COMP_CWORD ]] && i=$((i + 1))
   [[ "$current" == "=" ]] && current=""
+  [[ "$current" == --*=* ]] && prefix="${{current%%=*}}=" current="${{current#*=}}" i=$((COMP_CWORD - 1))
+  [[ -n $prefix ]] && option="${{prefix%=}}"
   case "$command|$option|$((COMP_CWORD - i))" in
 {cases}
   esac
-  COMPREPLY=($(compgen -W "$words" -- "$current"))
+  COMPREPLY=($(compgen -P "$prefix" -W "$words" -- "$current"))
   local IFS=$'\\n'
-  [[ -n $files ]] && COMPREPLY+=($(compgen -f -- "$current"))
+  [[ -n $files && -z $prefix ]] && COMPREPLY+=($(compgen -f -- "$current"))
+  [[ -n $files && -n $prefix ]] && for i in "$current"*; do [[ -e "$i" ]] && COMPREPLY+=("$prefix$i"); done
 }}
 complete -o filenames -F _vispeg vispeg
+"""
+FISH = """function __vispeg
+    set -l before (commandline -opc)
+    set -l current (commandline -ct)
+    set -l command $before[2]
+    contains -- "$command" {groups}; and set command $before[2..3]
+    set -l i (count $before)
+    set -l after 1
+    while test $i -gt 1; and not string match -q -- '--*' $before[$i]
+        set i (math $i - 1)
+        set after (math $after + 1)
+    end
+    set -l option
+    test $i -gt 1; and not string match -q -- '-*' $current; and set option $before[$i]
+    set -l parts (string match -r -- '^(--[^=]+)=' $current); and set option $parts[2]; and set after 1
+    set -l words
+    set -l files
+    switch "$command|$option|$after"
+{cases}
+    end
+    if test "$argv" = files
+        test -n "$files"
+    else if test -n "$parts"
+        string match -q -- '-*' $words; or printf '%s\\n' $parts[1]$words
+    else if string match -q -- '-*' $current
+        string match -- '-*' $words
+    else
+        string match -v -- '-*' $words
+    end
+end
+complete -c vispeg -f -a '(__vispeg)'
+complete -c vispeg -n '__vispeg files' -F
 """
 
 
@@ -59,9 +94,9 @@ def completion(call: Call, shell: Literal["bash", "zsh", "fish"]) -> None:
     """Print the completion script of bash, zsh or fish.
 
     Example:
-        vispeg completion bash > ~/.local/share/bash-completion/completions/vispeg
+        vispeg completion bash > ~/.vispeg-completion.bash && echo 'source ~/.vispeg-completion.bash' >> ~/.bashrc
         vispeg completion zsh > ~/.vispeg-completion.zsh && echo 'source ~/.vispeg-completion.zsh' >> ~/.zshrc
-        vispeg completion fish > ~/.config/fish/completions/vispeg.fish
+        mkdir -p ~/.config/fish/completions && vispeg completion fish > ~/.config/fish/completions/vispeg.fish
 
     Args:
         shell: the shell.
@@ -100,45 +135,43 @@ def words() -> dict[str, Words]:
 def script(shell: Literal["bash", "zsh", "fish"]) -> str:
     """Return the script for a shell; zsh runs the one for bash, after its own completion is loaded."""
     rows = words()
+    groups = sorted({name.split()[0] for name in rows if " " in name})
     if shell == "fish":
-        return _fish(rows)
-    return (ZSH if shell == "zsh" else "") + _bash(rows)
+        cases = "\n".join(
+            f"        case '{pattern}'\n            {_set(values, shell)}" for pattern, values in _cases(rows)
+        )
+        return FISH.format(groups=" ".join(groups), cases=cases)
+    cases = "\n".join(
+        f'    "{pattern.rstrip("*")}"{"*" * pattern.endswith("*")}) {_set(values, shell)} ;;'
+        for pattern, values in _cases(rows)
+    )
+    return (ZSH if shell == "zsh" else "") + BASH.format(groups="|".join(groups), cases=cases)
 
 
 def _names(what: str) -> tuple[str, ...]:
     from vispeg.api.library import catalogue
     from vispeg.core.effect import REGISTRY
+    from vispeg.recordings.cell import OPEN_CELL
 
-    return tuple(sorted(REGISTRY)) if what == "effects" else tuple(entry.name for entry in getattr(catalogue, what)())
+    if what == "effects":
+        return tuple(sorted(REGISTRY))
+    if what == "models":
+        return tuple(dict.fromkeys((*_names("robots"), OPEN_CELL, *_names("worlds"))))
+    return tuple(dict.fromkeys(entry.name for entry in getattr(catalogue, what)()))
 
 
-def _bash(rows: Mapping[str, Words]) -> str:
-    cases = []
+def _cases(rows: Mapping[str, Words]) -> Iterator[tuple[str, Values]]:
+    """Yield `command|option|number of the word after it`, where * stands for any text, and what can stand there."""
     for name, after in rows.items():
         for flag, values in after.items():
             if flag and values:
-                pattern = f'"{name}|{flag}|"*' if values.several else f'"{name}|{flag}|1"'
-                cases.append(f"    {pattern}) {_set(values.names, values.files)} ;;")
+                yield f"{name}|{flag}|{'*' if values.several else 1}", values
         positional = after.get("") or Values()
-        flags = filter(None, after)
-        cases.append(f'    "{name}|"*) {_set((*flags, *positional.names), positional.files)} ;;')
-    groups = "|".join(sorted({name.split()[0] for name in rows if " " in name}))
-    return BASH.format(groups=groups, cases="\n".join(cases))
+        yield f"{name}|*", Values((*filter(None, after), *positional.names), positional.files)
 
 
-def _set(names: tuple[str, ...], files: bool) -> str:
-    return f'words="{" ".join(names)}"' + ("; files=1" if files else "")
-
-
-def _fish(rows: Mapping[str, Words]) -> str:
-    lines = ["complete -c vispeg -f"]
-    for name, after in rows.items():
-        seen = "; and ".join(f"__fish_seen_subcommand_from {word}" for word in name.split())
-        for flag, values in after.items():
-            parts = ["complete -c vispeg", f"-n '{seen or '__fish_use_subcommand'}'"]
-            parts += [f"-l {flag[2:]}"] if flag else []
-            parts += ["-r"] if flag and values else []
-            parts += ["-F"] if values and values.files else []
-            parts += [f"-a '{' '.join(values.names)}'"] if values and values.names else []
-            lines += [" ".join(parts)] if len(parts) > 2 else []
-    return "\n".join(lines) + "\n"
+def _set(values: Values, shell: str) -> str:
+    names = " ".join(values.names)
+    if shell == "fish":
+        return f"set words {names}" + ("; set files 1" if values.files else "")
+    return f'words="{names}"' + ("; files=1" if values.files else "")

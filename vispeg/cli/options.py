@@ -25,7 +25,7 @@ NAMED = {  # field -> kind of named thing, for values that can be names of bundl
     "known_world": "worlds",
     "train": "worlds",
     "target": "worlds",
-    "model": "robots",
+    "model": "models",
     "policy": "policies",
     "policies": "policies",
     "teacher": "policies",
