@@ -45,6 +45,18 @@ def test_a_gap_from_records_and_a_robots_csv(vispeg, tmp_path, invented):
     assert code == 2 and "--robot: a world has the robot's name" in err and not (tmp_path / "h").exists()
 
 
+def test_a_gap_from_records_is_of_their_worlds_and_empty_rows_of_a_spreadsheet_are_no_trials(
+    vispeg, tmp_path, invented
+):
+    append(tmp_path / "e.jsonl", invented({("d", "depth"): 3.0}, {"mine": 0.0, "V": -1.0, "S": 0.5}, 10))
+    (tmp_path / "r.csv").write_text("policy,seed,outcome\nd,0,yes\n,,\nd,1,no\n , ,\n")
+    code, _, err = vispeg("gap", "--records", "e.jsonl", "--measured", "r.csv", "--out", "g")
+    assert code == 0, err
+    values = json.loads((tmp_path / "g" / "gap.json").read_text())
+    assert [w["name"] for w in values["worlds"]] == ["S", "V", "mine", "robot"] and values["reference"] == "S"
+    assert [row["success"]["n"] for row in values["success"] if row["world"] == "robot"] == [2]
+
+
 @pytest.mark.parametrize(
     ("args", "words"),
     [

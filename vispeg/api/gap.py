@@ -29,7 +29,7 @@ from vispeg.evaluation.folder import EPISODES, workplace
 from vispeg.evaluation.jobs import Job, Setting, make_jobs, seeds_of
 from vispeg.evaluation.measured import Trials, read_measured
 from vispeg.evaluation.players import ready
-from vispeg.evaluation.records import read_all
+from vispeg.evaluation.records import Episode, read_all
 from vispeg.evaluation.runner import check_stored, made_with, names_of, take_in
 from vispeg.report.gap import words
 from vispeg.report.text.summary import Block, Line
@@ -82,7 +82,7 @@ class _Worlds:
 
 def gap(
     policies: Policies = (),
-    worlds: str | Path | Sequence[str | Path] = WORLDS,
+    worlds: str | Path | Sequence[str | Path] | None = None,
     *,
     episodes: int = 100,
     controls: str | Sequence[str] | None = None,
@@ -107,7 +107,8 @@ def gap(
     Args:
         policies: folders, NAME=FOLDER, MODULE:CLASS, lerobot:FOLDER, .onnx or .zip files. Policies of one name are
             replicas with different training seeds.
-        worlds: names of built-in worlds or world files; the first is the reference.
+        worlds: names of built-in worlds or world files; the first is the reference. Default: S, V, N, P and
+            VNP; with records and no policies the worlds of the records, these first.
         episodes: number of episodes of every policy in every world, and for each control in each of `control_worlds`.
         controls: shuffled, frozen, and GOAL_fixed with the cell's name of the goal; `none` for no controls; default:
             all.
@@ -124,12 +125,13 @@ def gap(
             with a part of a target.
     """
     named = given(policies)
-    files, worlds = [Path(r) for r in several(records)], several(worlds)
+    files = [Path(r) for r in several(records)]
     measured = None if measured is None else single(measured, "--measured")
     control_worlds = None if control_worlds is None else several(control_worlds)
     if not named and not files:
         raise UserError("nothing to evaluate", expected="policy folders, or --records FILE")
     who, stored_before = ready(policies) if named else [], read_all(files) if files else []
+    worlds = several(worlds) if worlds is not None else WORLDS if who else _recorded(stored_before)
     stored_names = names_of(*files)
     networks = [*((e.name, e.train_seed) for e in who), *((e.policy, e.train_seed) for e in stored_before)]
     digests = {e.exported: (e.name, e.train_seed) for e in who if e.exported}
@@ -181,6 +183,12 @@ def gap(
     if out is not None and not who:
         result.save(out, overwrite=overwrite)
     return result
+
+
+def _recorded(episodes: Sequence[Episode]) -> list[str]:
+    """Return the names of the worlds of episodes, those of `WORLDS` first and in that order."""
+    found = dict.fromkeys(e.world for e in episodes)
+    return list(dict.fromkeys(w for w in (*WORLDS, *found) if w in found))
 
 
 def _worlds(

@@ -78,7 +78,10 @@ def read_csv(
         reader = csv.DictReader(io.StringIO(read_text(path, LARGEST), newline=""))
         heads = [h.strip() for h in reader.fieldnames or ()]
         reader.fieldnames = heads
-        rows = [(reader.line_num, row) for row in reader]
+        # a spreadsheet writes an empty row as commas alone
+        rows = [
+            (reader.line_num, row) for row in reader if None in row or any(map(str.strip, filter(None, row.values())))
+        ]
     except csv.Error as error:
         raise UserError("is not CSV", file=path, got=str(error)) from error
     if twice := [head for i, head in enumerate(heads) if head in heads[:i]]:
