@@ -55,6 +55,8 @@ def test_render_check_show_and_mistakes(tmp_path, monkeypatch, capsys):
 def test_a_format_or_an_engine_that_there_is_not_is_refused_before_anything_is_written(tmp_path, option, choices):
     with pytest.raises(UserError, match=f"{option}: unknown {option}.*{choices}"):
         render_dataset(tmp_path / "d", "nominal", frames=4, **{option: "nosuch"})
+    with pytest.raises(UserError, match="^size: .*8 to 1024 px; got 1$"):  # and not nominal.yaml, which states none
+        render_dataset(tmp_path / "d", "nominal", frames=4, size=1)
     assert not list(tmp_path.iterdir())
 
 

@@ -102,9 +102,16 @@ def task_of(file: WorldFile, cameras: Sequence[str], size: int) -> TaskConfig:
         file: the world's file.
         cameras: names of cameras; empty for the task's own.
         size: shorter side of an image, px; 0 for the cameras' own size.
+
+    Raises:
+        UserError: unknown cameras, or an impossible size.
     """
     chosen = {"cameras": tuple(cameras)} if cameras else {}
-    return registry.config_of({**file.task, **chosen, "image_size": size}, str(file.path))
+    task = registry.config_of({**file.task, **chosen}, str(file.path))
+    try:
+        return replace(task, image_size=size)
+    except UserError as error:  # the world's file is not to blame
+        raise UserError(str(error), key="size") from error
 
 
 def scene_of(task: TaskConfig) -> Scene:
