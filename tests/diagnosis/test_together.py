@@ -316,12 +316,12 @@ def test_a_load_is_taken_in_the_place_of_a_links_centre_that_is_not_much_better(
 
 
 def test_effects_state_which_ones_are_likelier():
-    """Friction and rotor before anything else in their joint, and what an effect calls likelier; nothing else."""
+    """What an effect calls likelier is preferred to it; nothing else."""
     kinds = searchable()
     for a in kinds.values():
         for b in kinds.values():
             share = prior(EffectInstance.of(a.name, "joint4"), EffectInstance.of(b.name, "joint4"))
-            assert np.isfinite(share) == bool((a.common and not b.common) or a.name in b.likelier), (a.name, b.name)
+            assert np.isfinite(share) == (a.name in b.likelier), (a.name, b.name)
     assert [(b.name, b.likelier) for b in kinds.values() if b.likelier] == [
         ("link_com", ("payload",)), ("link_mass", ("payload",))
     ]  # fmt: skip

@@ -371,8 +371,6 @@ class Proposed:
         "Share of the error that a link's mass or centre, or a payload, must remove in the linear model (others: "
         "`gain`).",
         reason="otherwise many links come in that cancel one another")
-    several_common: float = _rule(0.5, "joints", "fbd72ba7",
-        "Share of the best effect's gain from which one that every joint has (friction, rotor, bias) is taken instead.")
     several_likelier: float = _rule(0.8, "joints", "e3f41922",
         "Share of an effect's gain from which one of those in its `likelier` is taken in its place.",
         case="a payload that was added as masses of links beside other effects (0.9 before)")

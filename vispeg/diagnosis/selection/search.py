@@ -99,8 +99,8 @@ class Search(Loop, Shown, Proposals):
         self.say(f"{state.world.label}: held-out {floors(self.judge.mean(state.loss))} x noise; screening")
 
     def settle(self, state: State, trial: Trial) -> None:
-        """Replace a single effect by a richer one if that is better, then remove superfluous effects."""
-        if not trial.score.beside:
+        """Replace a single effect by a better richer one if more than noise is left; then remove superfluous ones."""
+        if not trial.score.beside and not self._at_floor(state.world, state.loss):
             grow(self, state, trial.score.placed)
         prune(self, state)
 

@@ -1,10 +1,10 @@
 """Propose several linear effects at a time, from the linear model alone; one fit of all of them then decides.
 
 Forward step: add the effect that lowers the linear model's cross-validated error most. Among those within `tie` of it,
-the one with the fewest parameters is taken; but an effect that every arm has (friction, rotor inertia, bias), or that
-the best effect declares likelier than itself, is taken unless the best is clearly better. After each addition, every
-effect, including those accepted earlier, is exchanged if another fits better in its place, so that an early wrong guess
-does not stay, and effects that contribute nearly nothing are removed.
+the one with the fewest parameters is taken; but an effect that the best effect declares likelier than itself is taken
+unless the best is clearly better. After each addition, every effect, including those accepted earlier, is exchanged if
+another fits better in its place, so that an early wrong guess does not stay, and effects that contribute nearly nothing
+are removed.
 
 In the functions, effects are indices of a dictionary's entries: `fixed` are the fitted effects that are not linear and
 stay, `chosen` the linear ones so far, `error` their cross-validated squared residual.
@@ -97,10 +97,8 @@ def _least(dictionary: Dictionary, k: int) -> float:
 def prior(a: EffectInstance, b: EffectInstance) -> float:
     """Return the share of the gain of `b` from which `a` is preferred to it; infinite if it never is.
 
-    Every arm has friction and a rotor in each joint. Link inertias by the manufacturer are reliable, the load is not.
+    Link inertias by the manufacturer are reliable, the load is not.
     """
-    if a.where == b.where and effect(a.effect).common and not effect(b.effect).common:
-        return RULES.several_common
     return RULES.several_likelier if a.effect in effect(b.effect).likelier else np.inf
 
 
