@@ -124,7 +124,7 @@ def idle(probes: Sequence[Probe]) -> set[tuple[str, str]]:
     """Return the (effect, parameter) pairs that gain almost nothing at any size.
 
     That is less than a share `RULES.contact_alike` of the gain of the effect's best parameter. If the best parameter
-    raises the residual, none is idle.
+    raises the residual, all others are idle.
     """
     top: dict[str, float] = {}
     best: dict[tuple[str, str], float] = {}
@@ -132,4 +132,5 @@ def idle(probes: Sequence[Probe]) -> set[tuple[str, str]]:
         key = p.placed.effect, p.name
         top[p.placed.effect] = max(top.get(p.placed.effect, -np.inf), p.gain)
         best[key] = max(best.get(key, -np.inf), p.gain)
-    return {(name, k) for (name, k), gain in best.items() if top[name] >= 0 and gain < RULES.contact_alike * top[name]}
+    least = {name: RULES.contact_alike * gain if gain > 0 else gain for name, gain in top.items()}
+    return {(name, k) for (name, k), gain in best.items() if gain < least[name]}
