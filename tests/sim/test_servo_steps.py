@@ -35,8 +35,25 @@ def test_the_ideal_servos_of_an_arm_whose_joints_move_each_other_are_stable(ligh
     np.testing.assert_allclose(chosen.q, fine.q, atol=2e-3)
 
 
-def test_a_load_is_that_of_the_tick_at_any_step(light):
+def test_a_load_at_the_tick_converges_with_the_square_of_the_step(light):
     """Not that of half a step before, which is off by its rate times half a step."""
     segment = chirped(light)
-    coarse, fine = (one(light, World(), segment, h_max=h).tau_motor[0, 20:] for h in (1.0, 1e-4))
-    assert np.all(np.sqrt(np.mean((coarse - fine) ** 2, axis=0)) < 0.03 * np.std(fine, axis=0))
+    steps = (1.0, 2e-4, 5e-5)  # s; the first is the longest stable one
+    coarse, finer, fine = (one(light, World(), segment, h_max=h).tau_motor[0, 20:] for h in steps)
+    error = [np.sqrt(np.mean((r - fine) ** 2, axis=0)) / np.std(fine, axis=0) for r in (coarse, finer)]
+    assert np.all(error[0] < 0.04) and np.all(error[1] < 0.002)
+
+
+def test_a_load_is_that_under_the_goal_before_the_tick(light):
+    """Goals that jump at 50 Hz: a servo is read before it is sent the next goal, so no jump is in its load."""
+    time = np.arange(100) / 50.0
+    goal = np.stack([0.2 * np.sin(2 * np.pi * time), np.where(time % 0.4 < 0.2, 0.0, 0.1)], axis=1)
+    segment = drive(light, "servo", command=goal, seconds=2.0, rate=50.0)
+    coarse, fine = (one(light, World(), segment, h_max=h).tau_motor[0, 5:] for h in (2e-4, 5e-5))
+    np.testing.assert_allclose(coarse, fine, atol=0.02 * np.std(fine))
+    later = goal.copy()
+    later[60:] += 0.3  # from here on all is another motion; the load at the tick is not
+    other = one(light, World(), drive(light, "servo", command=later, seconds=2.0, rate=50.0)).tau_motor[0]
+    same = one(light, World(), segment).tau_motor[0]
+    np.testing.assert_array_equal(other[:61], same[:61])
+    assert np.any(other[61] != same[61])

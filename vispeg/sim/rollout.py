@@ -142,7 +142,7 @@ class _Run:
         plant.start(q0, dq0, self.nominal.gravity(q0).copy(), self.inertia, begun)
         out = np.empty((4, ticks, *q0.shape))
         true_q = np.empty((ticks, *q0.shape)) if want_ee else None
-        motor = np.zeros_like(q0)
+        before = motor = np.zeros_like(q0)  # N m, torque in the last physics step but one, and in the last
         self.warned = np.zeros(self.rows.nsim, bool)  # rows with a warning of MuJoCo, as of a diverged state
         ends: dict[int, list[int]] = {}
         for i, s in enumerate(self.rows.segments):
@@ -153,7 +153,9 @@ class _Run:
                 out[0, k], out[1, k] = q, dq = plant.measure(noise.add)
             else:
                 out[0, k], out[1, k] = q, dq = plant.measure()
-            out[2, k], out[3, k] = plant.x.tau, motor
+            # a servo's torque is a mean over its step; extrapolated to the tick, where the next goal is not yet there
+            ahead = 0.5 * (motor - before) if self.servos is not None and self.nsub > 1 else 0.0
+            out[2, k], out[3, k] = plant.x.tau, motor + ahead
             if true_q is not None:
                 true_q[k] = plant.x.q
             if noise is not None and not noise.sensed:
@@ -164,10 +166,8 @@ class _Run:
             for sub in range(self.nsub):
                 if sub:
                     plant.read()
+                before = motor
                 motor = plant.step(command if self.servos is None else self.servos.torque(command), hold)
-                # a servo's torque is a mean over its step; at the tick it is the mean of the steps before and after
-                if self.servos is not None and not sub:
-                    out[3, k] = 0.5 * (out[3, k] + motor)
             for i in ends.get(k, ()):
                 self._end(i)
         out[2:, 0] = out[2:, 1]  # there is no torque before the first step
