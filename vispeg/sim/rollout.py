@@ -153,7 +153,8 @@ class _Run:
                 out[0, k], out[1, k] = q, dq = plant.measure(noise.add)
             else:
                 out[0, k], out[1, k] = q, dq = plant.measure()
-            # a servo's torque is a mean over its step; extrapolated to the tick, where the next goal is not yet there
+            # A servo's torque is a mean over its step: extrapolate it to the tick, before the next goal acts. A single
+            # step per tick has no earlier one under the same goal.
             ahead = 0.5 * (motor - before) if self.servos is not None and self.nsub > 1 else 0.0
             out[2, k], out[3, k] = plant.x.tau, motor + ahead
             if true_q is not None:
