@@ -163,8 +163,7 @@ def _beyond(search: Searching, state: State) -> set[str]:
     the linear model does not hold: to first order a delay looks like a lag. In the joint with the largest error, an
     effect may imitate one without a signature, such as load-dependent friction.
     """
-    excess = search.judge.mean(state.loss) - search.judge.floor(state.world)  # in noise variances
-    if excess <= RULES.at_floor - 1.0:
+    if search.judge.excess(state.world, state.loss) <= RULES.at_floor - 1.0:
         return set()
     worst = int(np.argmax(joint_z(search.missing(state.world))))
     return {ALL, search.evidence.items[0].robot.joints[worst]}

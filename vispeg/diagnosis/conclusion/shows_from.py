@@ -96,7 +96,7 @@ def joints_show_from(search: Search, state: State) -> list[ShowsFrom]:
     The trials are the screen's probes, at values estimated from the data. An effect that the data rule out has no row.
     """
     count = float(search.judge.size.sum())
-    over = float(state.loss.sum()) / count - search.judge.floor(state.world)
+    over = search.judge.excess(state.world, state.loss)
     chance = float(stats.norm.ppf(RULES.power)) * np.sqrt(2.0 / count)  # scatter of a mean square of noise
     # at the noise floor a search does not start unless an effect lifts the error above it
     worth = RULES.at_floor - 1.0 + chance if over <= RULES.at_floor - 1.0 else 0.0

@@ -67,6 +67,10 @@ class Judge:
         """Return the mean squared whitened residual of a correct model (`reading_floor`)."""
         return reading_floor(self.evidence, world)
 
+    def excess(self, world: World, loss: np.ndarray) -> float:
+        """Return the mean squared whitened residual of a world's loss above that of a correct model."""
+        return self.mean(loss) - self.floor(world)
+
     def apart(self, gain: Gain) -> bool:
         """Return whether a gain distinguishes two worlds by its size alone, however few blocks of time contribute."""
         return gain.mean * self.size.sum() >= self.evidence.decisive

@@ -31,7 +31,7 @@ from vispeg.worlds.world import World
 
 def refined(search: Searching, state: State) -> bool:
     """Refine the first simple law whose refinement passes the test; return whether one was refined."""
-    excess = search.judge.mean(state.loss) - search.judge.floor(state.world)
+    excess = search.judge.excess(state.world, state.loss)
     for simple, kind in laws(search, state.world, state.n_fixed):
         removed = _removed(search, state, simple)
         if excess < RULES.refinement * removed:
@@ -179,7 +179,7 @@ def _explains_more(search: Searching, state: State, trial: Trial, crossed: float
     """
     gain, judge = trial.gain, search.judge
     contained = any(e.effect in effect(trial.score.placed.effect).contains for e in trial.score.out)
-    most = gain.mean > RULES.decisive * max(judge.mean(state.loss) - judge.floor(state.world), 0.0)
+    most = gain.mean > RULES.decisive * max(judge.excess(state.world, state.loss), 0.0)
     if not most or not (contained or present(trial.fit, -1)):
         return False
     if gain.relative > RULES.decisive:

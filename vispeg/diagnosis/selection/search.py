@@ -106,7 +106,7 @@ class Search(Loop, Shown, Proposals):
 
     def worth_it(self, state: State) -> bool:
         """Return whether an addition is allowed, and enough error is left above the floor for a candidate to pass."""
-        excess = self.judge.mean(state.loss) - self.judge.floor(state.world)
+        excess = self.judge.excess(state.world, state.loss)
         enough = excess > RULES.at_floor - 1.0 and (state.fit is None or excess > self.least_share * state.scale)
         return enough and not state.within_noise and super().worth_it(state)
 
@@ -140,7 +140,7 @@ class Search(Loop, Shown, Proposals):
 
     def _at_floor(self, world: World, loss: np.ndarray) -> bool:
         """Return whether the held-out loss of a world is at the noise floor."""
-        return self.judge.mean(loss) - self.judge.floor(world) <= RULES.at_floor - 1.0
+        return self.judge.excess(world, loss) <= RULES.at_floor - 1.0
 
     def scored(self, state: State) -> list[Score]:
         """Return the candidates for a state, best first by the predicted drop of the fitted error."""
