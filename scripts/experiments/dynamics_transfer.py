@@ -1,7 +1,7 @@
 """Dynamics transfer: five ways to train, judged in plants they never saw, paired over plants, seeds and episodes.
 
     python scripts/experiments/dynamics_transfer.py --seeds 1 2 3
-    python scripts/experiments/dynamics_transfer.py --plants 10 --seeds 1 2 3 --steps 25600 --every 2560 --ranges gated
+    python scripts/experiments/dynamics_transfer.py --plants 10 --steps 51200 --every 2560 --until .95 --ranges gated
 
 naive: nominal physics. randomized: physics drawn in every episode. identified: nominal physics and what a diagnosis of
 the plant named. identified+randomized: `randomized`, in which what was named takes the place of the ranges: fitted

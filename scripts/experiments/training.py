@@ -16,7 +16,7 @@ from vispeg.learn.settings import SacSettings
 from vispeg.task.peg.config import PegConfig
 
 LEVELS, PASS = (0.0, 0.5, 1.0), 0.5  # of gated ranges: how far open, and success in an evaluation that opens them on
-NEVER_EARLY = 2.0  # a success rate that no run reaches, so that every run has the whole budget
+NEVER_EARLY = 2.0  # a success rate that no run reaches, so that every run takes the whole budget
 
 
 @dataclass(frozen=True)
@@ -53,11 +53,19 @@ class Variant:
 
 @dataclass(frozen=True)
 class Budget:
-    """What every run may spend: environment steps, and between evaluations; episodes of an evaluation."""
+    """What every run may spend.
+
+    Attributes:
+        steps: environment steps, at most.
+        every: steps between evaluations in its own training world.
+        episodes: of an evaluation.
+        until: success rate in an evaluation that ends a run early, once two in a row reach it over whole ranges.
+    """
 
     steps: int
     every: int
     episodes: int
+    until: float = NEVER_EARLY
 
 
 def configuration(variant: Variant, seed: int, budget: Budget) -> TrainConfig:
@@ -76,7 +84,7 @@ def configuration(variant: Variant, seed: int, budget: Budget) -> TrainConfig:
         seed=seed,
         every=budget.every,
         episodes=budget.episodes,
-        target=NEVER_EARLY,
+        target=budget.until,
         settings=settings,
         sac=SacSettings(recurrent=variant.recurrent),
         **(gated if variant.ranges == "gated" else {"ranges": variant.ranges}),
@@ -98,7 +106,8 @@ def run_folder(runs: Path, variant: Variant, seed: int) -> Path:
 
 
 def trained(runs: Path, variant: Variant, seed: int, budget: Budget) -> Path:
-    """Return the run's folder, trained to the budget's end; a run of fewer steps goes on from its last checkpoint.
+    """Return the run's folder, trained to the budget's end or until it is good enough; a run that was stopped goes on
+    from its last checkpoint.
 
     Raises:
         UserError: the folder holds a run that was asked for otherwise, or of more steps.
@@ -115,7 +124,7 @@ def trained(runs: Path, variant: Variant, seed: int, budget: Budget) -> Path:
             shutil.rmtree(copy / "checkpoints" / "best", ignore_errors=True)  # of the other world
             state = copy / "checkpoints" / "last" / "state.json"
             kept = read_json(state, finite=False)
-            kept["counters"]["best"] = [-1.0, 0.0]
+            kept["counters"] |= {"best": [-1.0, 0.0], "reached": 0}
             state.write_text(json.dumps(kept) + "\n", encoding="utf-8")
             replace(wanted, steps=half.steps).write(copy / "config.yaml")
     if not (folder / "config.yaml").is_file():
@@ -129,9 +138,14 @@ def trained(runs: Path, variant: Variant, seed: int, budget: Budget) -> Path:
     elif not (folder / "checkpoints" / "last").is_dir():  # killed before its first checkpoint
         shutil.rmtree(folder)
         train(wanted, folder)
-    elif steps_done(folder) < wanted.steps:
+    elif steps_done(folder) < wanted.steps and not good_enough(folder):
         resume(folder, wanted.steps)
     return folder
+
+
+def good_enough(folder: Path) -> bool:
+    """Whether a run ended early, since its last two evaluations reached the budget's `until`."""
+    return read_json(folder / "checkpoints" / "last" / "state.json", finite=False)["counters"]["reached"] >= 2
 
 
 def steps_done(folder: Path) -> int:

@@ -88,3 +88,14 @@ def test_a_run_goes_on_in_another_world_from_half_the_steps_in_the_first(tmp_pat
     assert load(policy_of(folder / "checkpoints")).meta["world"] == "nominal"
     trained(tmp_path, Variant("b", "nominal", begun=begun), 1, budget)
     assert (folder / "progress.csv").read_text().splitlines() == both
+
+
+def test_a_run_that_is_good_enough_ends_early_and_is_finished(tmp_path):
+    """A success of 0 is always reached: two evaluations end a run; in another world it counts anew."""
+    budget = Budget(208 * 4, 208, 2, until=0.0)
+    folder = trained(tmp_path, VARIANT, 1, budget)
+    assert [row["steps"] for row in curve(folder)] == ["208", "416"]
+    before = (folder / "progress.csv").read_bytes()
+    assert trained(tmp_path, VARIANT, 1, budget) == folder and (folder / "progress.csv").read_bytes() == before
+    other = trained(tmp_path, Variant("b", "nominal", begun=Variant("c", "searching")), 1, budget)
+    assert [row["steps"] for row in curve(other)] == ["208", "416", "624", "832"]
