@@ -167,7 +167,7 @@ def cell(out: Path, number: int, seed: int, episodes: int, robot: bool) -> dict[
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
-    """Return the table of docs/results/policies.md."""
+    """Return the shares of successes by cell and way as a Markdown table."""
 
     def rate(ends: list[bool] | None) -> str:
         if ends is None:

@@ -7,7 +7,7 @@ that begin as failed trials of the policy began. `alone`: a network that has see
 of `anywhere` and as many updates, at the rate of imitation. All are judged on the same held-out episodes, and so is the
 policy before. A stopped command goes on with the first run that has no result.
 
-Writes RUNS/curves.json, and prints the table of docs/results/policies.md.
+Writes RUNS/curves.json, and prints the successes as a Markdown table.
 """
 
 from __future__ import annotations
