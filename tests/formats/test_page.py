@@ -1,12 +1,14 @@
-"""The tables of keys in docs/formats.md are those of the types in the code."""
+"""Keys are explained once: of files that a user writes in docs/formats.md, of results by the types in the code."""
 
 import re
 from dataclasses import fields
+from importlib import import_module
+from inspect import getdoc
 from pathlib import Path
 
 import pytest
 
-from vispeg.diagnosis.schema import ComparisonRecord, DiagnosisRecord, FoundEffect
+from vispeg.diagnosis.schema import ComparisonRecord, DiagnosisRecord, FoundEffect, Summary
 from vispeg.interface.interface import Interface
 from vispeg.recordings.objects import Header as ObjectHeader
 from vispeg.report.fitted import FitRecord
@@ -16,6 +18,7 @@ from vispeg.worlds.model_file import ENTRY, MODEL
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
+KEYS = (ROOT / "docs" / "reference" / "keys.md").read_text(encoding="utf-8")
 
 
 def section(heading: str) -> str:
@@ -33,10 +36,7 @@ def keys(heading: str) -> list[str]:
 @pytest.mark.parametrize(
     ("heading", "schema"),
     [
-        ("`diagnosis.json`", set(DiagnosisRecord.__annotations__)),
-        ("`fit.json`", set(FitRecord.__annotations__)),
         ("Trials: `vispeg-trial/1`", {"format", *Said.model_fields}),
-        ("Exported policies: `vispeg-interface/1`", set(Interface.model_fields)),
         ("Measurements: `vispeg-measurement/1`", {"format", *MEASUREMENT.keys}),
     ],
 )
@@ -45,12 +45,23 @@ def test_a_table_names_every_key_and_no_other(heading, schema):
     assert sorted(named) == sorted(schema)
 
 
-def test_the_rest_of_a_comparison_is_as_in_a_diagnosis():
-    own = keys("`compare.json`")
-    assert sorted({*own} | {*keys("`diagnosis.json`")} & {*ComparisonRecord.__annotations__}) == sorted(
-        ComparisonRecord.__annotations__
-    )
-    assert not {*own} & {*keys("`diagnosis.json`")}
+def explained(kind: type) -> list[str]:
+    """The keys in the section `Attributes:` of a type's own docstring, in order."""
+    own = (getdoc(kind) or "").split("Attributes:\n")[1].split("\n\n")[0]
+    return [key for line in re.findall(r"^    (\w[\w, ]*):", own, re.MULTILINE) for key in line.split(", ")]
+
+
+@pytest.mark.parametrize("kind", [Summary, FitRecord, Interface], ids=lambda kind: kind.__name__)
+def test_a_type_explains_every_key_and_no_other(kind):
+    assert sorted(explained(kind)) == sorted(kind.__annotations__)
+
+
+def test_every_key_of_a_diagnosis_and_a_comparison_is_explained_once():
+    diagnosis, comparison = [*explained(Summary), *explained(DiagnosisRecord)], explained(ComparisonRecord)
+    assert sorted(diagnosis) == sorted(DiagnosisRecord.__annotations__)
+    assert {*comparison} <= {*ComparisonRecord.__annotations__} <= {*comparison, *diagnosis}
+    assert {*comparison} & {*diagnosis} == {"format"}
+    assert {*explained(FoundEffect)} | {"effect", "where"} == {*FoundEffect.__annotations__}
 
 
 def test_parts_are_named():
@@ -61,7 +72,6 @@ def test_parts_are_named():
         "Measurements: `vispeg-measurement/1`"
     )
     assert {*ENTRY, *MODEL.keys} <= words("A model file")
-    assert {*FoundEffect.__annotations__} <= words("`diagnosis.json`") | words("A model file")
     assert {*ObjectHeader.model_fields} <= words("Objects in free motion: `vispeg-object-recording/1`")
     trial = words("Trials: `vispeg-trial/1`")
     for name in ("policy", "world", "start", "outcome", "timing", "how"):
@@ -69,6 +79,9 @@ def test_parts_are_named():
         assert part is not None and set(part.model_fields) <= trial, name
 
 
-def test_the_types_that_the_page_points_to_are_there():
-    named = re.findall(r"`(vispeg/[a-z_/]+\.py)`", section("Other results"))
-    assert named and all((ROOT / name).is_file() for name in named)
+def test_the_page_of_keys_shows_types_that_are_there():
+    shown = re.findall(r"^::: (.*)$", KEYS, re.MULTILINE)
+    assert shown
+    for name in shown:
+        module, _, kind = name.rpartition(".")
+        assert hasattr(import_module(module), kind) if kind[0].isupper() else import_module(name), name

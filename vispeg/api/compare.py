@@ -36,7 +36,7 @@ class ComparisonResult(Result, Traced):
     """The error of a model on recordings.
 
     Attributes:
-        record: content of compare.json, see docs/formats.md.
+        record: content of compare.json, see docs/reference/keys.md.
         arrays: measured and predicted values, as in evidence.npz.
         sources: files and folders that were read.
     """

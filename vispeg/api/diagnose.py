@@ -42,7 +42,7 @@ class DiagnosisResult(Result, Traced):
     """The effects that a model lacks, with errors on the held-out recordings.
 
     Attributes:
-        record: content of diagnosis.json, see docs/formats.md.
+        record: content of diagnosis.json, see docs/reference/keys.md.
         world: the model with the accepted effects.
         arrays: measured and predicted values, as in evidence.npz.
         effects: the accepted effects with values and 95 % intervals; marked `partial` if a residual remains.
@@ -145,7 +145,7 @@ def diagnose(
         rooms: former name of `channels`; to be removed in the next release.
         say: called with a line of text at each step.
         likely: called after a few seconds with the effects that torques suggest, which the search then confirms or
-            corrects: the `proposal` of docs/formats.md.
+            corrects: the `proposal` of docs/reference/keys.md.
         reading: shows progress while a recording is read.
 
     Raises:

@@ -49,7 +49,7 @@ class FitResult(Result, Traced):
     """Fitted effects.
 
     Attributes:
-        record: content of fit.json, see docs/formats.md.
+        record: content of fit.json, see docs/reference/keys.md.
         world: the model with the fitted values and their 95 % intervals.
         effects: the fitted effects of `world`.
         sources: files and folders that were read.

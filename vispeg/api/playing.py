@@ -44,7 +44,7 @@ class Played(Result):
     """A result of played episodes.
 
     Attributes:
-        record: content of the JSON file, see docs/formats.md.
+        record: content of the JSON file, see docs/reference/keys.md.
         episodes: all episodes, see `vispeg.evaluation.records.Episode`.
         media: videos of some episodes; empty without a folder of results.
         sources: files and folders that were read.

@@ -1,4 +1,4 @@
-"""Types of diagnosis.json and compare.json; docs/formats.md describes the values.
+"""Types of diagnosis.json and compare.json.
 
 `where` is always the place of an effect: a joint, a body, a camera, or `all`. The noise floor is the error that noise
 alone makes.
@@ -20,11 +20,17 @@ class Place(TypedDict):
 
 
 class FoundEffect(Place):
-    """An added effect with its values (as in a model file) and the effects confounded with it.
+    """An added effect with its values, as in a model file.
 
-    `without` is the held-out RMS error of the final model without it, the others unchanged, over the noise floor.
-    `explains` is how much larger the mean squared error then is, over the excess of the user's model above the floor.
-    `was` has its values in the baseline, where two states of a robot are compared and both have the effect.
+    Attributes:
+        params: its values. `statistical` is the interval without the error of the model's form, where it differs.
+        indistinguishable_from: the effects confounded with it.
+        without: held-out RMS error of the final model without it, the others unchanged, over the noise floor.
+        explains: how much larger the mean squared error then is, over the excess of the user's model above the floor.
+        partial: whether it was accepted while a remainder is left.
+        tentative: whether something else might lower the error too.
+        channel: with several channels: the one that named it.
+        was: its values in the baseline, where two states of a robot are compared and both have the effect.
     """
 
     params: Mapping[str, Mapping[str, object]]
@@ -50,6 +56,7 @@ class Rung(TypedDict):
 
 
 NoiseFloor = TypedDict("NoiseFloor", {"value": float, "unit": str, "from": str})
+"""The error that noise alone makes, and where that is known from."""
 
 
 class Failure(TypedDict):
@@ -60,7 +67,6 @@ class Failure(TypedDict):
     share: float
 
 
-# The worst cell of a map (`localise.peaks`): its bounds, in the unit of `axis`, and the RMS missing torque over noise
 Peak = TypedDict(
     "Peak",
     {
@@ -72,6 +78,7 @@ Peak = TypedDict(
         "times_noise_after": NotRequired[float],
     },
 )
+"""The worst cell of a map (`localise.peaks`): its bounds, in the unit of `axis`, and RMS missing torque over noise."""
 
 
 class Channel(TypedDict):
@@ -171,7 +178,17 @@ class ShowsFrom(Place):
 
 
 class Summary(TypedDict):
-    """Fields common to every diagnosis, and to the baseline of a change; `of` says what the ladder's errors are of."""
+    """Keys common to every diagnosis, and to the baseline of a change.
+
+    Attributes:
+        verdict: `adequate`, `identified`, `ambiguous` or `unexplained`.
+        reason: the same in a sentence.
+        effects: what was found.
+        ladder: errors of each model on the way.
+        of: what the ladder's errors are of, with pictures: `borders`, `depth` or `light`.
+        noise_floor: the error that noise alone makes.
+        recordings: names of the fitted recordings and of those that judged.
+    """
 
     verdict: str
     reason: str
@@ -202,7 +219,17 @@ class JointError(TypedDict):
 
 
 class ComparisonRecord(TypedDict):
-    """compare.json. Keys that are not required are of robots in joint or torque space, of contact, or of pictures."""
+    """Content of compare.json; keys that are not explained here are as in `DiagnosisRecord`.
+
+    Attributes:
+        format: `vispeg-compare/1`.
+        chi2: mean squared whitened residual.
+        joints: error of each joint.
+        diverged: what is left out of every error, since the model's rollout diverged.
+        pictures: errors in `cameras`, and in `frames`, worst first: `border_px`, `corner_px`, `depth_mm`, `grey` and
+            their medians, `gain`; of depth `fill_rate`, `z_accuracy`, `plane_fit_rms` (%) and `subpixel_rms` (px).
+        drift: effects fitted anew to each recording, and whether their values left the model's.
+    """
 
     format: str
     ladder: list[Rung]
@@ -285,7 +312,45 @@ class Replayed(TypedDict):
 
 
 class DiagnosisRecord(Summary):
-    """diagnosis.json. Keys that are not required belong to some channels only."""
+    """Content of diagnosis.json, with the keys of `Summary`. Keys that a channel does not have are absent.
+
+    Attributes:
+        format: `vispeg-diagnosis/1`.
+        unexplained: what the residual depends on (time, position, speed, load, frequency); `shows_in`: one recording
+            alone; None where nothing is left to explain.
+        next_experiment: the motion to record next; an empty `motion` is none of the menu, and `why` says the reason.
+            None where nothing is left to find.
+        candidates: what else was tried, and why it was rejected.
+        where_it_fails: share of the excess by `joint` (of contact: axis) and `regime` (of contact: phase).
+        residual_peaks: worst cell of each map of the residual.
+        remainder: torque that each joint still lacks, without noise, and the torque that it needed in all.
+        cost: with `--policy`: success with the identified effects, and with the remainder.
+        proposal: of joints: what the linear model of torques proposed.
+        channels: errors of each joint's angle or torque.
+        screening: scores of the candidates.
+        correlations: of the final estimates.
+        parameters_moved: parameters that a later effect changed.
+        not_excited: effects that show at no size, and the motion that excites them.
+        shows_from: the minimum detectable size of effects that were not found: outside `between` an effect would be
+            found with a probability of 0.9; None: at no size.
+        by_channel: with several channels, what each found. Arrays are in `channel/NAME/` of `evidence.npz`.
+        views: of pictures: `projection` (shift in px at 0.15, 0.25 and 0.5 m), `confounded` (what the views cannot
+            separate), `not_excited`, `halves` (fits to two halves of the views), `remainder`, `sensor`.
+        phases: of contact: force error by phase, N RMS.
+        worst_left: of contact: the largest force that the model misses.
+        allowed: of contact: shares of the residual that nuisances explain: of the sensor, of the path (kinematics), and
+            of the form of the contact.
+        closed_loop: of contact: a held-out insertion, and its replays in models.
+        object: of free objects: the body's name.
+        restarts: of free objects: how well short windows and whole tosses determine each effect.
+        contact: of free objects: friction, restitution, time constant and damping ratio.
+        baseline: with `--baseline`: the diagnosis of the baseline.
+        missing: in words: missing readings, and what was left out.
+        windows: which parts of long recordings were used.
+        notes: remarks.
+        evidence: name of the file with arrays.
+        provenance: command, seed and versions.
+    """
 
     format: str
     unexplained: Mapping[str, object] | None

@@ -43,7 +43,15 @@ class _Part(BaseModel):
 
 
 class Told(_Part):
-    """A term of the observation's vector part, see `vispeg.interface.terms.Sensed`."""
+    """A term of the observation's vector part, see `vispeg.interface.terms.Sensed`.
+
+    Attributes:
+        name: of the term.
+        size: how many numbers it has.
+        unit: of these numbers.
+        scale: by which they are divided.
+        about: what they are.
+    """
 
     name: str
     size: Count
@@ -77,7 +85,16 @@ class Seen(_Part):
 
 
 class Arm(_Part):
-    """The arm as its controller knows it; a limit of null is not known."""
+    """The arm as its controller knows it; a limit of null is not known.
+
+    Attributes:
+        robot: name or path of its model.
+        joints: names, in order.
+        low_rad, high_rad: limits of the angles.
+        velocity_limit, torque_limit: largest speed, rad/s, and torque, N m.
+        home_rad: angles at home.
+        chain: kinematics from base to flange, see `vispeg.interface.chain.Chain`.
+    """
 
     robot: str
     joints: Annotated[tuple[str, ...], Field(min_length=1)]
@@ -114,7 +131,17 @@ class Tool(_Part):
 
 
 class Controller(_Part):
-    """The controller that holds the flange, with the wrench `Lambda (kp e - kd v)`; gains in 1/s^2 and 1/s."""
+    """The controller that holds the flange, with the wrench `Lambda (kp e - kd v)`.
+
+    Attributes:
+        law: its name.
+        period_s: time between two commands.
+        kp, kd: gains per unit of mass and inertia, x y z, then rotation, 1/s^2 and 1/s.
+        force_limit_n: bound of the commanded force.
+        nullspace: gains and angles of the law in the null space, as in a recording.
+        avoid_limits: gain of the law that keeps joints from their limits, 1/s^2; 0 for none.
+        gravity_compensation: the model's gravity is added.
+    """
 
     law: Literal["operational space"] = "operational space"
     period_s: Positive

@@ -8,6 +8,7 @@ from typing import Any, NotRequired, TypedDict
 
 import numpy as np
 
+from vispeg.core.provenance import Provenance
 from vispeg.diagnosis.conclusion.intervals import of_form, widened
 from vispeg.diagnosis.schema import Correlations, Rung
 from vispeg.identify.calibrate import Calibration, labels, strong_pairs
@@ -24,7 +25,26 @@ HOPELESS = 5e5  # chi2, in noise variances; above it, most residuals have the va
 
 
 class FitRecord(TypedDict):
-    """Content of fit.json; see docs/formats.md."""
+    """Content of fit.json.
+
+    Attributes:
+        format: `vispeg-fit/1`.
+        method: the optimizer.
+        converged: whether it came to its end.
+        effects: fitted effects, as in a model file.
+        ladder: errors before and after.
+        noise_floor: the error that noise alone makes.
+        chi2: mean squared whitened residual of the fitted recordings.
+        starts: that residual for each start of the optimizer.
+        correlations: of the parameters.
+        hardly_told_apart: pairs of parameters that are hard to separate.
+        at_bound: parameters at a bound.
+        unidentifiable: parameters that the recordings do not determine.
+        windows: which parts of long recordings were used.
+        notes: remarks.
+        channel: the channel whose evidence was fitted.
+        provenance: command, seed and versions.
+    """
 
     format: str
     method: str
@@ -41,6 +61,7 @@ class FitRecord(TypedDict):
     windows: list[Mapping[str, object]]
     notes: list[str]
     channel: NotRequired[str]
+    provenance: NotRequired[Provenance]
 
 
 def fit_record(

@@ -29,7 +29,7 @@ class VersionsResult(Result):
     """The health of every version, and changes from the last but one to the last version.
 
     Attributes:
-        record: content of compare.json, see docs/formats.md.
+        record: content of compare.json, see docs/reference/keys.md.
         sources: folders of the versions.
     """
 

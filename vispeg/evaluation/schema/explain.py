@@ -12,7 +12,7 @@ from vispeg.evaluation.schema.gap import Measure, PartingRecord, Worth
 class TrialRow(TypedDict):
     """One trial: how it ended, and how often replays from its start succeed.
 
-    Keys:
+    Attributes:
         trial: name of its folder.
         success, category: its outcome.
         closed: success of replays in which the policy acts.
@@ -29,7 +29,7 @@ class TrialRow(TypedDict):
 class Rule(TypedDict):
     """One of the article's rules of thumb.
 
-    Keys:
+    Attributes:
         rule: what it looks at.
         value: the number here.
         limit: the number above which the rule applies.
@@ -49,7 +49,7 @@ class Rule(TypedDict):
 class Cause(TypedDict):
     """A named effect as a cause of failure.
 
-    Keys:
+    Attributes:
         effect: its label, or that of all effects together.
         params: its parameters' values.
         without, with_it: success from the trials' starts without and with it.
@@ -79,7 +79,7 @@ class Cause(TypedDict):
 class Sense(TypedDict):
     """One of a policy's senses, exchanged for simulation's.
 
-    Keys:
+    Attributes:
         sense: its name.
         moved_mm: mean distance by which the exchange moves the policy's action, mm.
         among_mm: the same between two draws of the simulated world, mm.
@@ -101,7 +101,7 @@ class Sense(TypedDict):
 class Moment(TypedDict):
     """The step at which exchanging a sense moves the action most.
 
-    Keys:
+    Attributes:
         number: index of the trial, from 0.
         trial: name of its folder.
         sense: the exchanged sense.
@@ -136,7 +136,7 @@ class Regime(TypedDict):
 class RemainderRecord(TypedDict):
     """The torque that no named cause explains, and the policy's success without and with it.
 
-    Keys:
+    Attributes:
         recordings: names of the recordings that it comes from.
         block_s: length of the blocks in which it is resampled, s.
         joints: its size in each joint.
@@ -185,7 +185,7 @@ class Bridge(TypedDict):
 class Step(TypedDict):
     """A next step.
 
-    Keys:
+    Attributes:
         step: what to do.
         gain: success that it can win back at most.
         hours: its duration, h; None where it is not known.

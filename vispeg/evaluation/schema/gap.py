@@ -49,7 +49,7 @@ class Worth(TypedDict):
 class GapRow(TypedDict):
     """Loss of success of a policy from the reference world to another.
 
-    Keys:
+    Attributes:
         home: whether it was trained in that other world, so that this is no transfer.
         paired: whether both sides played the same episodes.
         train_seeds: training seeds of the networks that played both sides.
@@ -74,7 +74,7 @@ class GapRow(TypedDict):
 class AttributionRow(TypedDict):
     """A policy's total gap, its parts by factor, and their interaction.
 
-    Keys:
+    Attributes:
         parts: `total`, each factor, and `remainder` (the interaction) -> loss of success.
         verdict: the same names -> verdict.
         share: factor -> its share of the total, with Fieller's interval; None where the total may be 0.
@@ -118,7 +118,7 @@ class Point(TypedDict):
 class PredictionRow(TypedDict):
     """How well success in the reference world predicts success in another world, over policies.
 
-    Keys:
+    Attributes:
         n: number of policies.
         pearson: correlation of their true rates.
         measured: correlation of their measured rates; None where it is not defined.

@@ -13,7 +13,7 @@ from vispeg.evaluation.schema.estimate import Interval
 class HardPosition(TypedDict):
     """One entry of a list of hard positions.
 
-    Keys:
+    Attributes:
         x, y: offset of the goal from its nominal place, m.
         height: height from which the tip starts, right above the nominal goal, m; without it the task's own range.
         roll, pitch, yaw: rotation of the goal, rad.

@@ -36,7 +36,7 @@ class ViewRow(TypedDict):
 
 
 class CalibrationRecord(TypedDict):
-    """The content of results.json without provenance; see docs/formats.md."""
+    """The content of results.json without provenance."""
 
     format: str
     board: Mapping[str, object]
