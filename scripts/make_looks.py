@@ -2,19 +2,17 @@
 
 Each tile is a drawn world: wrist view, crop at the peg's tip, external view. The guard's counts are printed.
 
-Example: python scripts/make_looks.py --world docs/looks.md --draws 200 --out docs/img/looks.jpg --overwrite
+Example: python scripts/make_looks.py --world docs/examples/looks.yaml --draws 200 --out docs/img/looks.jpg --overwrite
 """
 
 from __future__ import annotations
 
 import argparse
-import re
 import time
 from pathlib import Path
 
 import cv2
 import numpy as np
-import yaml
 
 from vispeg.core.files import write_bytes_atomic
 from vispeg.render.backends.backend import Renderer
@@ -23,33 +21,20 @@ from vispeg.render.contrast import contrast, redraw
 from vispeg.render.look import dress
 from vispeg.robots.scene import build
 from vispeg.task.world_file import load_world
-from vispeg.worlds.entry import ranged
-from vispeg.worlds.randomized import RandomizedWorld
 
 ABOVE = np.array([0.0, 0.7774, 0.0, -1.4955, 0.0, 0.8687, 0.0, 0.0])  # rad: the tip 40 mm above the nominal hole
 COLUMNS, TILES, SIZE = 4, 36, 80
 
 
-def world_of(source: str) -> RandomizedWorld:
-    """Return a world by name or file, or the one of the YAML block in a page of the documentation."""
-    if not source.endswith(".md"):
-        return load_world(source).world
-    block = re.search(r"```yaml\n(.*?)```", Path(source).read_text(encoding="utf-8"), re.S)
-    if block is None:
-        raise SystemExit(f"{source} has no YAML block")
-    entries = yaml.safe_load(block[1])
-    return RandomizedWorld(tuple(ranged(e, build(), Path(source), f"effects[{i}]") for i, e in enumerate(entries)))
-
-
 def main() -> None:
     """Draw the looks, print the counts, and write the sheet."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--world", default="docs/looks.md", help="a world's name or file, or a page with a YAML block")
+    parser.add_argument("--world", default="docs/examples/looks.yaml", help="a world's name or file")
     parser.add_argument("--draws", type=int, default=TILES)
     parser.add_argument("--out", type=Path, default=Path("looks.jpg"))
     parser.add_argument("--overwrite", action="store_true")
     args = parser.parse_args()
-    scene, world = build(), world_of(args.world)
+    scene, world = build(), load_world(args.world).world
     cameras = standard_cameras(scene.tip, scene.config.fixture)
     tiles, redraws, good, took = [], [], 0, 0.0
     with Renderer(scene.compile(), cameras, labels=True, shadows=True, parts=scene.parts) as renderer:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +9,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import yaml
 
 from vispeg.core.effect import EffectInstance, effect, of_family
 from vispeg.core.seeds import stream
@@ -20,8 +18,8 @@ from vispeg.render.cameras.standard import standard_cameras
 from vispeg.render.contrast import Rule, contrast, delivered, lab, measure, redraw
 from vispeg.render.look import dress
 from vispeg.robots.scene import build
+from vispeg.task.world_file import load_world
 from vispeg.worlds.distribution import Choice, Uniform
-from vispeg.worlds.entry import ranged
 from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 from vispeg.worlds.world import World
 
@@ -206,11 +204,7 @@ def test_a_world_without_looks_is_drawn_once_and_not_rendered(renderer):
 
 
 def test_the_ranges_that_the_documentation_gives_end_in_good_looks(renderer):
-    page = Path(__file__).parents[2] / "docs" / "looks.md"
-    block = re.search(r"```yaml\n(- .*?)```", page.read_text(encoding="utf-8"), re.S)
-    assert block
-    entries = yaml.safe_load(block[1])
-    world = RandomizedWorld(ranges=tuple(ranged(e, SCENE, page, f"effects[{i}]") for i, e in enumerate(entries)))
+    world = load_world(Path(__file__).parents[2] / "docs" / "examples" / "looks.yaml").world
     assert {r.effect for r in world.ranges} == set(of_family("appearance"))
     pictures = set()
     for seed in range(6):
