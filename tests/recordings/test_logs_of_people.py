@@ -547,6 +547,10 @@ def test_degrees_of_whole_ticks_are_degrees_and_a_calibration_counts_where_nothi
     folder, _ = lerobot(tmp_path / "other", still=True)
     said = str(propose(folder, arm, calibration=file))
     assert "of 2549 encoder ticks" in said and "of 3000 encoder ticks, as its calibration says" in said
+    file.unlink()
+    lines = {line.target: line for line in propose(folder, arm).proposal.lines}
+    assert lines[f"q.{JOINTS[0]}"].sure == "measured"
+    assert lines[f"q.{JOINTS[3]}"].sure == "likely" and lines[f"q.{JOINTS[3]}"].why.endswith("which is a guess")
 
 
 @pytest.mark.skipif(not CASES.is_dir(), reason="the shared cases are not here")

@@ -66,6 +66,16 @@ def test_a_unit_that_cannot_be_true_is_doubted(rigs, log, elbow):
     assert any("2e+05 samples a second" in text for text in last(heard, "look").doubts)
 
 
+def test_degrees_are_what_the_map_states_not_what_a_column_is_called(rigs, elbow, tmp_path):
+    rec, heard = load(rigs / "rig-a"), []
+    table = np.column_stack([rec.time, 0.02 * rec.q])  # hardly moves: as degrees it would be doubted
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="time,was_deg_1,was_deg_2", comments="", fmt="%.9g")
+    columns = {"time": {"column": "time"}}
+    columns |= {f"q.{j}": {"column": f"was_deg_{k}", "unit": "rad"} for k, j in enumerate(("shoulder", elbow), 1)}
+    Importer(lambda name, value: heard.append((name, value))).look(tmp_path / "log.csv", str(rigs / "arm.xml"), columns)
+    assert not last(heard, "look").doubts
+
+
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     """The page Import of a server that nobody looks at, and what it wrote."""

@@ -124,8 +124,7 @@ class Importer:
         shown = slice(None, None, max(1, math.ceil(len(rec.time) / MOST)))
         recorded = {name: getattr(rec, name)[shown] for name in SIGNALS if getattr(rec, name) is not None}
         signals = {name: value for name, value in recorded.items() if value.ndim == 2}
-        degrees = "deg" in str(columns.get(f"q.{rec.joints[0]}", {}))  # the map states the unit of the angles
-        found = doubts(rec, Limits.of(arm, rec.joints), degrees, needs_of(load_for(rec.joints, robot), rec))
+        found = doubts(rec, Limits.of(arm, rec.joints), mapping.in_degrees, needs_of(load_for(rec.joints, robot), rec))
         lines = tuple(f"{d.key}: {d.said}" + (f" (likely {d.likely})" if d.likely else "") for d in found)
         self.tell("look", Look(rec.time[shown], tuple(rec.joints), signals, rec.rate_hz, len(rec.time), lines))
 
@@ -187,8 +186,7 @@ def _remarks(proposal: Proposal) -> tuple[str, ...]:
     """Return the points that the user should check, in which the page's fields replace command-line options."""
     signals, sensor = proposal.signals(), proposal.recording.get("torque_sensor", "none")
     # options become the names of fields: `--torque-sensor` becomes `torque sensor`
-    said = (FLAG.sub(lambda flag: flag[1].replace("-", " "), doubt) for doubt in proposal.doubts)
-    out = [doubt for doubt in said if not doubt.startswith("torque_sensor")]
+    out = [FLAG.sub(lambda flag: flag[1].replace("-", " "), doubt) for doubt in proposal.doubts]
     driven = "q_cmd" in signals or "tau_cmd" in signals
     if "tau" in signals and sensor == "none":
         more = "" if driven else "; without it nothing can be compared"

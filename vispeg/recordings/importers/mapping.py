@@ -90,6 +90,12 @@ class ColumnMap:
         return tuple(map(str, self.recording.get("signals", ())))
 
     @property
+    def in_degrees(self) -> bool:
+        """Whether a measured angle is stated to be in degrees, of either sign."""
+        angles = [origin for target, origin in self.columns.items() if target.partition(".")[0] == "q"]
+        return any(abs(origin.factor) == FACTORS["deg"] for origin in angles)
+
+    @property
     def names(self) -> set[str]:
         """Names of all columns of the source that are needed."""
         return set[str]().union(*(source.names for source in self.columns.values())) - {""}

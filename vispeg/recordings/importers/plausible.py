@@ -13,7 +13,7 @@ from vispeg.recordings.checks.quality import Limited, Limits
 from vispeg.recordings.checks.timing import within_episode
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.importers.fits import Needs
-from vispeg.recordings.importers.mapping import FACTORS, ColumnMap
+from vispeg.recordings.importers.mapping import ColumnMap
 from vispeg.recordings.importers.slopes import Doubt, against_speeds, slope
 from vispeg.recordings.recording import Recording
 
@@ -174,9 +174,7 @@ def refuse_units(
     """
     if not set(rec.joints) <= set(robot.joints):
         return
-    angles = [origin for target, origin in mapping.columns.items() if target.partition(".")[0] == "q"]
-    stated_in_degrees = any(abs(origin.factor) == FACTORS["deg"] for origin in angles)
-    found = [d for d in doubts(rec, Limits.of(robot, rec.joints), stated_in_degrees, needs) if not d.scale]
+    found = [d for d in doubts(rec, Limits.of(robot, rec.joints), mapping.in_degrees, needs) if not d.scale]
     if not found:
         return
     likely = list(dict.fromkeys(doubt.likely for doubt in found if doubt.likely))

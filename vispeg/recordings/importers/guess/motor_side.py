@@ -47,7 +47,7 @@ def of_motors(
     units = {lines[f"q.{joint}"].unit for joint in out.joints}
     if len(units) != 1 or not units <= {"rad", "deg"}:
         return
-    stated = any("the name says" in lines[f"q.{joint}"].why for joint in out.joints)
+    stated = any(lines[f"q.{joint}"].named for joint in out.joints)
     degrees = units == {"deg"}
     raw = np.stack([table.columns[lines[f"q.{joint}"].column] for joint in out.joints], axis=1)
     unit = FACTORS["deg"] if stated and degrees else 1.0

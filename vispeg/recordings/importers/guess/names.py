@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from operator import itemgetter
+from typing import Literal
 
 UNITS = (  # (unit, pattern of its spellings in lower case); the longest match in a name counts
     ("rad/s", r"rad[_/]?s|radps|rad_per_s(ec)?|rad_sec"),
@@ -83,7 +84,8 @@ class Meaning:
         commanded: True for commanded, False for measured, None if the name does not tell.
         unit: of `importers.mapping.FACTORS` or `UNITS`, or empty.
         label: the rest of the name, which identifies the joint.
-        said: what states the quantity: a word of the name, or its unit in brackets.
+        said: what states the quantity: a word of the name, its unit in brackets, or a sentence if the name does not.
+        by: whether a word of the name, its unit, or something else (`other`) states the quantity.
     """
 
     name: str
@@ -92,6 +94,7 @@ class Meaning:
     unit: str
     label: str
     said: str
+    by: Literal["word", "unit", "other"] = "word"
 
 
 def meaning(name: str, labels: dict[str, str]) -> Meaning:
@@ -108,13 +111,14 @@ def meaning(name: str, labels: dict[str, str]) -> Meaning:
     if "episode" in words:
         return Meaning(name, "episode", None, "", "", "episode")
     quantity, said, taken = _quantity(words)
+    by: Literal["word", "unit"] = "word"
     if quantity == "current":
         spelt = [i for i, word in enumerate(words) if word in AMPERES]
         unit, taken = (AMPERES[words[spelt[0]]] if spelt else ""), taken | {*spelt}
     if unit == "%" and quantity:
         quantity, said = "share", unit
     if not words and unit in TIMES and name.lower() != "s":  # `seconds`; a column `s` may as well be a length
-        quantity, said = "time", f"[{unit}]"
+        quantity, said, by = "time", f"[{unit}]", "unit"
     commanded: bool | None = None
     for i, word in enumerate(words):
         desired = word == "d" and quantity in ("q", "dq", "tau")  # Franka: q_d, tau_J_d
@@ -123,11 +127,11 @@ def meaning(name: str, labels: dict[str, str]) -> Meaning:
         elif commanded is None and word in {*MEASURED, *WHOLE}:
             commanded, taken = False, taken | {i}
     if commanded is None and not quantity and unit in OF_UNIT and not set(words) & NO_JOINT:
-        quantity, said = OF_UNIT[unit], f"[{unit}]"  # `M1 [Nm]`
+        quantity, said, by = OF_UNIT[unit], f"[{unit}]", "unit"  # `M1 [Nm]`
     if commanded is not None and not quantity:  # `goal_rad`, `action`: only the unit tells the quantity
         quantity, said = OF_UNIT.get(unit, "q" if "action" in words else ""), "commanded" if commanded else "measured"
     label = [w for i, w in enumerate(words) if i not in taken and w not in FILL | MEASURED | COMMANDED]
-    return Meaning(name, quantity, commanded, unit, labels.get(name) or "_".join(label), said)
+    return Meaning(name, quantity, commanded, unit, labels.get(name) or "_".join(label), said, by)
 
 
 def _quantity(words: Sequence[str]) -> tuple[str, str, set[int]]:

@@ -89,7 +89,7 @@ def _propose(out: Proposal, table: Table, name: str, placed: Mapping[str, _Colum
         low, high = values.span(table.columns[column.name])
         said = f"the name says {unit}" if unit else "no unit stated"
         why = f"a signal of your own: {column.stem!r}, {low:.4g} to {high:.4g}; {said}"
-        out.lines.append(Line(f"{name}.{joint}", column.name, "", why, "stated" if unit else "likely"))
+        out.lines.append(Line(f"{name}.{joint}", column.name, "", why, "stated" if unit else "likely", bool(unit)))
         out.unused.pop(column.name, None)
     out.recording.setdefault("signals", {})[name] = {"unit": unit or UNKNOWN}
 

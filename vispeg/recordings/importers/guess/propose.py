@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, TypedDict
+from typing import TypedDict
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from vispeg.recordings.importers.guess.names import (
     split,
 )
 from vispeg.recordings.importers.guess.ticks import Decoded, decoded
+from vispeg.recordings.importers.guess.values import Sure, Unit
 from vispeg.recordings.importers.mapping import FACTORS
 from vispeg.recordings.importers.slopes import TOGETHER, slope
 from vispeg.recordings.tables.table import Dialect, Table
@@ -48,6 +49,7 @@ class Line:
         unit: unit of the source's values.
         why: reason for the choice, in words.
         sure: certainty: `stated` by the file, `measured` from its numbers, or `likely`.
+        named: whether the column's name states the unit.
         scale: factor on the values in addition to that of the unit.
         offset: SI units, added last.
         plus: a further column to be added, and its unit.
@@ -59,7 +61,8 @@ class Line:
     column: str
     unit: str
     why: str
-    sure: Literal["stated", "measured", "likely"] = "likely"
+    sure: Sure = "likely"
+    named: bool = False
     scale: float = 1.0
     offset: float = 0.0
     plus: tuple[str, str] | None = None
@@ -86,7 +89,8 @@ class Proposal:
         joints: joints for which columns were found, in the robot's order.
         recording: proposed keys of recording.yaml.
         dialect: cell separator and decimal mark of a text table.
-        doubts: sentences about what the user should check.
+        doubts: sentences about what the user should check, except the one about the torque sensor.
+        sensor_doubt: what the user should check about the torque sensor, or empty.
         unused: source column -> why it is not used.
         assumed: signals whose columns are in an assumed joint order.
         current: whether "measured torque" is a motor current, whose scale to N m has to be found.
@@ -101,6 +105,7 @@ class Proposal:
     recording: Stated
     dialect: Dialect
     doubts: list[str] = field(default_factory=list)
+    sensor_doubt: str = ""
     unused: dict[str, str] = field(default_factory=dict)
     assumed: set[str] = field(default_factory=set)
     current: bool = False
@@ -113,14 +118,12 @@ class Proposal:
         return {line.target.partition(".")[0] for line in self.lines}
 
     def set_sensor(self, sensor: str | None, doubt: str = "") -> None:
-        """Set the kind of torque sensor, None where no torque is proposed; `doubt` replaces earlier ones about it."""
+        """Set the kind of torque sensor, None where none is proposed; `doubt` replaces the earlier one about it."""
         if sensor is None:
             self.recording.pop("torque_sensor", None)
         else:
             self.recording["torque_sensor"] = sensor
-        self.doubts = [said for said in self.doubts if not said.startswith("torque_sensor")]
-        if doubt:
-            self.doubts.append(f"torque_sensor: {doubt}")
+        self.sensor_doubt = doubt
 
 
 def propose(
@@ -184,9 +187,9 @@ def propose(
     selected = Limits(limits.range[places], limits.velocity[places], limits.torque[places])
     stacks = {s: _stack(table, [placed[s][j] for j in out.joints]) for s in placed}
     ticks = _ticks(placed["q"], stacks, out, calibration)
-    known = {s: ("tick", "encoder ticks") for s in ("q", "q_cmd") if s in placed and any(ticks)}
+    known = {s: Unit("tick", "encoder ticks") for s in ("q", "q_cmd") if s in placed and any(ticks)}
     if out.current and "tau" in placed:
-        known["tau"], out.ampere = ("", "a motor current"), _amperes(placed["tau"])
+        known["tau"], out.ampere = Unit("", "a motor current"), _amperes(placed["tau"])
     columns = {s: [placed[s][j] for j in out.joints] for s in placed}
     units = values.units_of(columns, stacks, selected, out.doubts, known)
     speeds = {s: _speeds(columns[s]) for s in ("dq", "dq_cmd") if s in placed}
@@ -195,23 +198,23 @@ def propose(
     clock = seconds(table, time)
     for signal, possible in speeds.items():
         angle = "q_cmd" if signal == "dq_cmd" and "q_cmd" in placed else "q"
-        q = stacks[angle] * FACTORS[units[angle][0]]
+        q = stacks[angle] * FACTORS[units[angle].name]
         units[signal] = values.speed_unit(clock, q, stacks[signal], units[signal], possible)
     episode = next((m.name for m in meanings if m.quantity == "episode" and m.name in table.columns), None)
     if episode is not None and values.all_integers(table.columns[episode]):
         out.lines.append(Line("episode", episode, "", "its name says that it counts runs", "stated"))
     for signal in sorted(placed, key=ORDER.index):
-        unit, why = units[signal]
+        unit = units[signal]
         for joint, tick, low_end in zip(out.joints, ticks, selected.range[:, 0], strict=True):
             m = placed[signal][joint]
             low, high = values.span(table.columns[m.name])
-            called = m.said if " " in m.said else f"{m.said!r}{' of ' + repr(m.label) if m.label else ''}"
+            called = m.said if m.by == "other" else f"{m.said!r}{' of ' + repr(m.label) if m.label else ''}"
             words = f"{NAMES[signal]}: {called}, {low:.4g} to {high:.4g}"
-            reason, scale = (why, 1.0) if tick is None or unit != "tick" else (_tick_reason(tick), tick.scale)
-            gripper = unit == "tick" and tick is not None and tick.full == 100 and np.isfinite(low_end)
+            of, scale = (unit, 1.0) if tick is None or unit.name != "tick" else (_tick_unit(tick), tick.scale)
+            gripper = of.name == "tick" and tick is not None and tick.full == 100 and np.isfinite(low_end)
             offset = float(f"{low_end:.6g}") if gripper else 0.0
             out.lines.append(
-                Line(f"{signal}.{joint}", m.name, unit, f"{words}; {reason}", _sure(reason), scale, offset)
+                Line(f"{signal}.{joint}", m.name, of.name, f"{words}; {of.why}", of.sure, of.named, scale, offset)
             )
     out.rows = _rows(table, out, time)
     _leftover(table, meanings, out)
@@ -246,7 +249,7 @@ def _goals(
         ratio = slope(goal - np.nanmean(goal, axis=0), q - np.nanmean(q, axis=0))
         if ratio is not None and any(0.5 < ratio * k < 2.0 for k in (1.0, FACTORS["deg"], 1 / FACTORS["deg"])):
             said = "a command of no stated quantity, which the angles follow"
-            return {joint: replace(m, quantity="q", said=said) for joint, m in placed.items()}
+            return {joint: replace(m, quantity="q", said=said, by="other") for joint, m in placed.items()}
     return {}
 
 
@@ -267,7 +270,10 @@ def own_names(meanings: list[Meaning], joints: Sequence[str], table: Table) -> l
     file = set(split(table.file.name))
     quantity = "dq" if file & VELOCITY else "tau" if file & TORQUE else "q"
     said = "the joint's own name"
-    return [replace(m, quantity=quantity, label=found[m.name], said=said) if m.name in found else m for m in meanings]
+    return [
+        replace(m, quantity=quantity, label=found[m.name], said=said, by="other") if m.name in found else m
+        for m in meanings
+    ]
 
 
 def _unnumbered(words: Sequence[str]) -> tuple[str, ...]:
@@ -301,20 +307,14 @@ def _ticks(
     return ticks
 
 
-def _tick_reason(tick: Decoded) -> str:
-    unit = "per cent" if tick.full == 100 else "-100 to 100"
-    if not tick.values:
-        return f"{unit} of {tick.span} encoder ticks, as its calibration says"
+def _tick_unit(tick: Decoded) -> Unit:
+    """Return the unit of one joint's normalised values, with what its range is known by."""
+    what = f"{'per cent' if tick.full == 100 else '-100 to 100'} of {tick.span} encoder ticks"
     if not tick.sure:
-        return f"{unit} of {tick.span} encoder ticks, which is a guess"
-    return f"{unit} of {tick.span} encoder ticks, of which all {tick.values} values are whole numbers"
-
-
-def _sure(reason: str) -> Literal["stated", "measured", "likely"]:
-    """Return the certainty of a choice, by the words of its reason."""
-    if reason.startswith("the name says") or "calibration says" in reason:
-        return "stated"
-    return "measured" if any(word in reason for word in ("match the change", "whole ", "no other unit")) else "likely"
+        return Unit("tick", f"{what}, which is a guess")
+    if not tick.values:
+        return Unit("tick", f"{what}, as its calibration says", "stated")
+    return Unit("tick", f"{what}, of which all {tick.values} values are whole numbers", "measured")
 
 
 def _rows(table: Table, out: Proposal, time: Line) -> list[str]:
@@ -338,9 +338,9 @@ def seconds(table: Table, time: Line) -> np.ndarray:
     return whole if time.plus is None else whole + table.columns[time.plus[0]] * FACTORS[time.plus[1]]
 
 
-def _servo(stacks: dict[str, np.ndarray], units: Mapping[str, tuple[str, str]], out: Proposal) -> None:
+def _servo(stacks: dict[str, np.ndarray], units: Mapping[str, Unit], out: Proposal) -> None:
     """Propose servo control if there are goals and angles but no torque, and the angles follow the goals."""
-    q, goal = (stacks[s] * FACTORS[units[s][0]] for s in ("q", "q_cmd"))
+    q, goal = (stacks[s] * FACTORS[units[s].name] for s in ("q", "q_cmd"))
     ratio = slope(goal - np.nanmean(goal, axis=0), q - np.nanmean(q, axis=0))
     if ratio is None or not 0.5 < ratio < 2.0:
         out.doubts.append("the measured angles do not follow the goals: what drove the robot is not known")
@@ -396,8 +396,8 @@ def _chosen(groups: dict[tuple[str, bool | None, str], list[Meaning]], out: Prop
 
 def _rank(group: tuple[tuple[str, bool | None, str], list[Meaning]]) -> tuple[bool, bool, int]:
     """Rank groups: names that state the quantity first, then those that say measured or commanded, then the largest."""
-    (_, commanded, said), columns = group
-    return said.startswith("[") or " " in said, commanded is None, -len(columns)
+    (_, commanded, _), columns = group
+    return columns[0].by != "word", commanded is None, -len(columns)
 
 
 def joint_columns(
@@ -490,7 +490,7 @@ def _time(
     table: Table,
     meanings: list[Meaning],
     stacks: dict[str, np.ndarray],
-    units: dict[str, tuple[str, str]],
+    units: Mapping[str, Unit],
     limits: Limits,
     speeds: Sequence[str],
     out: Proposal,
@@ -529,15 +529,15 @@ def _time(
             out.unused[other.name] = f"{best.name} is taken for the time"
     if best.name in table.dates:
         return Line("time", best.name, "s", "dates or times of day", "measured")
-    unit, why = values.time_unit(table.columns[best.name], best.unit, stacks, units, limits, out.doubts, speeds)
-    return Line("time", best.name, unit, why, _sure(why))
+    unit = values.time_unit(table.columns[best.name], best.unit, stacks, units, limits, out.doubts, speeds)
+    return Line("time", best.name, unit.name, unit.why, unit.sure, unit.named)
 
 
-def _rate(stacks: Mapping[str, np.ndarray], units: Mapping[str, tuple[str, str]]) -> float | None:
+def _rate(stacks: Mapping[str, np.ndarray], units: Mapping[str, Unit]) -> float | None:
     """Return the sample rate at which measured speeds match the slope of the angles, Hz; None if unknown."""
     if "dq" not in stacks:
         return None
-    q, dq = (stacks[signal] * FACTORS[units[signal][0]] for signal in ("q", "dq"))
+    q, dq = (stacks[signal] * FACTORS[units[signal].name] for signal in ("q", "dq"))
     step, speed = np.diff(q, axis=0), 0.5 * (dq[1:] + dq[:-1])
     usual = np.abs(step) <= 3 * np.nanquantile(np.abs(step), 0.99, axis=0)  # excludes jumps between episodes
     rate = slope(np.where(usual, step, np.nan), speed, TOGETHER)
@@ -604,8 +604,6 @@ def _sensor(names: list[str], out: Proposal) -> None:
     elif {"load", "effort", "current", "moment"} & words:
         sensor, why = "motor", "as a load or effort mostly comes from a current; say joint for a sensor behind the gear"
     else:
-        out.doubts.append(
-            "torque_sensor: no name states where torque was measured; it is not used until you state joint or motor"
-        )
+        out.set_sensor(None, "no name states where torque was measured; it is not used until you state joint or motor")
         return
     out.set_sensor(sensor, f"{sensor} is guessed {why}")

@@ -121,15 +121,17 @@ def _tried(out: Proposal, table: Table, source: Path, joints: Sequence[str], lim
     try:
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
-            rec = from_table(table, source, "robot", joints, map_from(words.data(out), source, joints))
+            data = words.data(out)
+            # stated, so that no note says that torques are not used: the proposal itself asks for the sensor
+            data["recording"] = {"torque_sensor": "motor", **out.recording}
+            rec = from_table(table, source, "robot", joints, map_from(data, source, joints))
             order = [list(joints).index(joint) for joint in rec.joints]
             chosen = Limits(limits.range[order], limits.velocity[order], limits.torque[order])
             rec = turned(rec, chosen, source)
     except UserError as error:
         out.doubts.append(str(error).removeprefix(f"{source}: "))
         return None
-    notes = [str(w.message).removeprefix(f"{source}: ") for w in said if issubclass(w.category, Note)]
-    out.doubts += [text for text in notes if "torque_sensor" not in text]  # is said of the proposal itself
+    out.doubts += [str(w.message).removeprefix(f"{source}: ") for w in said if issubclass(w.category, Note)]
     degrees = any(line.unit == "deg" for line in out.lines if line.target.startswith("q."))
     judged = replace(rec, tau=None) if out.current else rec
     out.doubts += [doubt.line for doubt in doubts(judged, chosen, degrees)]
@@ -171,7 +173,7 @@ def _by_constants(
         unit = "mA" if np.isfinite(share).any() and np.nanmax(share) > BEYOND else "A"
         why = f"{unit} is taken"
         out.doubts.append(f"currents: no name states their unit, and this motion does not tell it: {unit} is taken")
-    torques = [line for line in out.lines if line.target.startswith("tau.") and "the name says" in line.why]
+    torques = [line for line in out.lines if line.target.startswith("tau.") and line.named]
     if torques and not out.current:
         raise UserError("the name says that it is no current", file=out.file, key=KEY, got=torques[0].column)
     lines = []
@@ -210,7 +212,7 @@ def _scaled(out: Proposal, found: Scales | None) -> None:
             _without_current(out)
         return
     out.doubts.append(found.line)
-    if any("the name says" in line.why for line in out.lines if line.target.startswith("tau.")):
+    if any(line.named for line in out.lines if line.target.startswith("tau.")):
         return
     known = np.abs(found.scale[np.isfinite(found.scale)])
     usual = float(np.median(known))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -22,6 +24,29 @@ EPOCH = (1.0e9, 4.0e9)  # s: from 2001 to 2096
 TURNS = 4 * math.pi  # rad, two turns; larger values are not radians
 DEGREES = 1000.0  # larger values are not degrees but encoder counts
 TYPICAL_HZ = 300.0  # where several units of time are possible, the one with a rate nearest to this is proposed
+
+Sure = Literal["stated", "measured", "likely"]  # by the file, from its numbers, or neither
+
+
+@dataclass(frozen=True)
+class Unit:
+    """The unit of a column, and what it was chosen by.
+
+    Attributes:
+        name: the unit, of `importers.mapping.FACTORS`.
+        why: reason for the choice, in words.
+        sure: certainty, as in `propose.Line`.
+        named: whether the column's name states the unit.
+    """
+
+    name: str
+    why: str
+    sure: Sure = "likely"
+    named: bool = False
+
+
+def _named(unit: str, more: str = "") -> Unit:
+    return Unit(unit, f"the name says {unit}{more}", "stated", True)
 
 
 def span(column: np.ndarray) -> tuple[float, float]:
@@ -50,9 +75,9 @@ def units_of(
     stacks: Mapping[str, np.ndarray],
     limits: Limits,
     doubts: list[str],
-    known: Mapping[str, tuple[str, str]] | None,
-) -> dict[str, tuple[str, str]]:
-    """Return signal -> (unit, reason): angles first, as other units are checked against them; `known` are kept."""
+    known: Mapping[str, Unit] | None,
+) -> dict[str, Unit]:
+    """Return signal -> unit: angles first, as other units are checked against them; `known` are kept."""
     out = dict(known or {})
     for signal in sorted(columns, key=lambda s: {"q": 0, "q_cmd": 1}.get(s, 2)):
         if signal in out:
@@ -65,28 +90,28 @@ def units_of(
         elif signal in ("tau", "tau_cmd"):
             out[signal] = _torque(unit, values, limits, doubts)
         else:
-            out[signal] = _speed(unit, out["q"][0])
+            out[signal] = _speed(unit, out["q"].name)
     if "q" in out and "q_cmd" in out:
         ratio = slope(stacks["q"], stacks["q_cmd"])
-        if out["q"][0] != out["q_cmd"][0] and ratio is not None and 0.8 < ratio < 1.25:
-            doubts.append(f"commanded angles look like {out['q_cmd'][0]}, measured ones like {out['q'][0]}")
+        if out["q"].name != out["q_cmd"].name and ratio is not None and 0.8 < ratio < 1.25:
+            doubts.append(f"commanded angles look like {out['q_cmd'].name}, measured ones like {out['q'].name}")
     return out
 
 
 def _angle(
     unit: str, values: np.ndarray, limits: Limits, signal: str, columns: list[Meaning], doubts: list[str]
-) -> tuple[str, str]:
-    """Return the unit of angles and the reason for it; `unit` is what their names state, or ""."""
+) -> Unit:
+    """Return the unit of angles; `unit` is what their names state, or ""."""
     if unit in ("rad", "deg", "mrad", "mdeg", "turn"):
-        return unit, f"the name says {unit}"
+        return _named(unit)
     peak = float(np.nanmax(np.abs(values)))
     if peak > DEGREES:
         doubts.append(
             f"{signal} reaches {peak:.4g}: neither radians nor degrees (encoder counts?); degrees are assumed"
         )
-        return "deg", f"beyond {TURNS:.3g}, so no radians"
+        return Unit("deg", f"beyond {TURNS:.3g}, so no radians")
     if peak > TURNS and (step := step_of_degrees(values)) is not None:
-        return "deg", f"whole encoder ticks of {step:.5g} degrees"
+        return Unit("deg", f"whole encoder ticks of {step:.5g} degrees", "measured")
     lerobot = any(word in m.name for m in columns for word in ("observation", "action", ".pos"))
     if peak > TURNS:
         if lerobot and 90 < peak <= 101:
@@ -94,45 +119,45 @@ def _angle(
                 f"{signal} stays within -100 to 100: degrees, or LeRobot's normalised units (use_degrees: false), of "
                 "which the values show no encoder ticks; a calibration file gives the ranges"
             )
-        return "deg", f"up to {peak:.4g}, beyond two turns in radians"
+        return Unit("deg", f"up to {peak:.4g}, beyond two turns in radians")
     low, high = limits.range.T
     straight, _ = straightened(values, limits.range)  # so that 0 to 2 pi for a range of +-pi does not count as degrees
     outside_as_rad = float(np.mean((straight < low - 0.1) | (straight > high + 0.1)))
     outside_as_deg = float(np.mean((values * FACTORS["deg"] < low) | (values * FACTORS["deg"] > high)))
     if outside_as_rad > 0.02 and outside_as_deg == 0:
-        return "deg", f"as radians {outside_as_rad:.0%} of the readings were outside the joints' ranges"
-    return "rad", f"up to {peak:.3g}, as radians inside the joints' ranges"
+        return Unit("deg", f"as radians {outside_as_rad:.0%} of the readings were outside the joints' ranges")
+    return Unit("rad", f"up to {peak:.3g}, as radians inside the joints' ranges")
 
 
-def _speed(unit: str, angle: str) -> tuple[str, str]:
-    """Return the unit of speeds and the reason for it, as `_angle`; `angle` is the unit of the angles."""
+def _speed(unit: str, angle: str) -> Unit:
+    """Return the unit of speeds, as `_angle`; `angle` is the unit of the angles."""
     if unit in STATED:
-        return unit, f"the name says {unit}"
-    return ("deg/s" if angle == "deg" else "rad/s"), f"as the angles are in {angle}"
+        return _named(unit)
+    return Unit("deg/s" if angle == "deg" else "rad/s", f"as the angles are in {angle}")
 
 
-def _torque(unit: str, values: np.ndarray, limits: Limits, doubts: list[str]) -> tuple[str, str]:
-    """Return the unit of torques and the reason for it, as `_angle`."""
+def _torque(unit: str, values: np.ndarray, limits: Limits, doubts: list[str]) -> Unit:
+    """Return the unit of torques, as `_angle`."""
     if unit in ("N m", "mNm", "N cm"):
-        return unit, f"the name says {unit}"
+        return _named(unit)
     peak = np.nanmax(np.abs(values), axis=0)
     finite = np.isfinite(limits.torque)
     if finite.any() and np.all(peak[finite] < 5e-3 * limits.torque[finite]):
         doubts.append("torques are under 0.5 % of the joints' limits: is their unit N m?")
     if finite.any() and np.any(peak[finite] > 20 * limits.torque[finite]):
-        return "mNm", "as N m they would be over twenty times the joints' limits"
-    return "N m", "no unit stated; N m does not contradict the joints' limits"
+        return Unit("mNm", "as N m they would be over twenty times the joints' limits")
+    return Unit("N m", "no unit stated; N m does not contradict the joints' limits")
 
 
 def time_unit(
     time: np.ndarray,
     stated: str,
     stacks: Mapping[str, np.ndarray],
-    units: Mapping[str, tuple[str, str]],
+    units: Mapping[str, Unit],
     limits: Limits,
     doubts: list[str],
     speeds: Sequence[str],
-) -> tuple[str, str]:
+) -> Unit:
     """Return the unit of the time: the one that the name states unless the motion excludes it, else the most plausible.
 
     `speeds` are the possible units of the measured speeds.
@@ -140,7 +165,7 @@ def time_unit(
     step = np.diff(time)
     period = float(np.median(step[step > 0]))
     dates = [unit for unit in TIMES if EPOCH[0] < float(time[0]) * FACTORS[unit] < EPOCH[1]]
-    q = stacks["q"] * FACTORS[units["q"][0]]
+    q = stacks["q"] * FACTORS[units["q"].name]
     measured = [stacks["dq"] * FACTORS[unit] for unit in speeds] if "dq" in stacks else []  # rad/s, by unit tried
     fits = [unit for unit in TIMES if _fits(period * FACTORS[unit], q, measured, step, FACTORS[unit], limits)]
 
@@ -149,18 +174,19 @@ def time_unit(
 
     if stated in TIMES:
         if stated in fits or not fits:
-            return stated, f"the name says {stated}: {rate(stated)}"
+            return _named(stated, f": {rate(stated)}")
         doubts.append(f"the time's name says {stated}, which would be {rate(stated)}; the motion allows {fits[0]}")
-        return fits[0], f"{rate(fits[0])}, and speeds that the joints can do"
+        return Unit(fits[0], f"{rate(fits[0])}, and speeds that the joints can do")
     if len(dates) == 1:
-        return dates[0], f"dates since 1970 in {dates[0]}: {rate(dates[0])}"
+        return Unit(dates[0], f"dates since 1970 in {dates[0]}: {rate(dates[0])}")
     if len(fits) == 1:
-        return fits[0], f"{rate(fits[0])}, and speeds that the joints can do; no other unit gives both"
+        why = f"{rate(fits[0])}, and speeds that the joints can do; no other unit gives both"
+        return Unit(fits[0], why, "measured")
     possible = fits or list(TIMES)
     best = min(possible, key=lambda unit: abs(math.log(1.0 / (period * FACTORS[unit]) / TYPICAL_HZ)))
     others = ", ".join(f"{unit} ({rate(unit)})" for unit in possible if unit != best)
     doubts.append(f"the time may be in {best} ({rate(best)}) or in {others}")
-    return best, f"{rate(best)} is the most usual of what is possible"
+    return Unit(best, f"{rate(best)} is the most usual of what is possible")
 
 
 def _fits(
@@ -182,9 +208,7 @@ def _fits(
     return not ratios or any(ratio is None or 0.3 < ratio < 3.0 for ratio in ratios)
 
 
-def speed_unit(
-    time: np.ndarray, q: np.ndarray, dq: np.ndarray, usual: tuple[str, str], speeds: Sequence[str]
-) -> tuple[str, str]:
+def speed_unit(time: np.ndarray, q: np.ndarray, dq: np.ndarray, usual: Unit, speeds: Sequence[str]) -> Unit:
     """Return the unit in which measured speeds (n, nj) match the slope of the angles q (n, nj) rad over time (n,) s.
 
     `usual` is returned if it matches, or if none of `speeds` does.
@@ -195,6 +219,6 @@ def speed_unit(
     if ratio is None:
         return usual
     near = [unit for unit in speeds if 0.5 < ratio * FACTORS[unit] < 2.0]
-    if not near or usual[0] in near:
+    if not near or usual.name in near:
         return usual
-    return near[0], f"in {near[0]} they match the change of the angles"
+    return Unit(near[0], f"in {near[0]} they match the change of the angles", "measured")

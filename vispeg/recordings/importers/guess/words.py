@@ -51,6 +51,7 @@ def text(proposal: Proposal) -> str:
     lines += [f"{row:<{width}}  # {reason}" if reason else row for row, reason in rows]
     lines += [f"# {row}" for row in proposal.rows]
     lines += [f"# look at: {doubt}" for doubt in proposal.doubts]
+    lines += [f"# look at: torque_sensor: {proposal.sensor_doubt}"] if proposal.sensor_doubt else []
     unused = list(proposal.unused.items())
     lines += [f"# not used: {name} ({reason})" for name, reason in unused[:MOST_UNUSED]]
     if len(unused) > MOST_UNUSED:
