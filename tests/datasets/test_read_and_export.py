@@ -83,6 +83,9 @@ def test_sixteen_bit_depth_is_right_to_half_a_step():
 
 def test_bop_poses_project_to_where_the_camera_sees(folder, tmp_path):
     export(folder, tmp_path / "bop", "bop")
+    with pytest.raises(UserError, match="is a dataset in BOP's layout, .* expected one in LeRobot's layout"):
+        export(tmp_path / "bop", tmp_path / "again", "bop")
+    assert not (tmp_path / "again").exists()
     data, scenes = Dataset(folder), sorted((tmp_path / "bop/train").iterdir())
     assert len(scenes) == len(data.episodes)
     for number in (0, 3):

@@ -20,6 +20,7 @@ from vispeg.render.cameras.camera_files import from_record
 
 INFO, STATS, TASKS = "meta/info.json", "meta/stats.json", "meta/tasks.parquet"
 CAMERAS, RENDER = "meta/cameras.json", "meta/render.json"
+BOP_CAMERA = "scene_camera.json"  # file of each scene in BOP's layout
 CAMERA_FILE = Format("vispeg-cameras/1", "a dataset's cameras", ("cameras", "parts"), ("cameras",), "json")
 RENDER_FILE = Format("vispeg-dataset/1", "how a dataset was made", ("plan", "files", "provenance"), (), "json")
 PLACES = ("chunk_index", "file_index")  # the two numbers that `data_path` has placeholders for
@@ -45,6 +46,11 @@ def read_info(folder: Path, versions: Sequence[str]) -> Info:
         UserError: no dataset, an unfinished one, another version, or an impossible value; the error names the key.
     """
     path = folder / INFO
+    if is_bop(folder):
+        what = (
+            "is a dataset in BOP's layout, which `vispeg dataset show`, `vispeg dataset check` and `vispeg view` read"
+        )
+        raise UserError(what, file=folder, expected=f"one in LeRobot's layout, a folder with {INFO}")
     if not is_file(path):
         unfinished = folder.with_name(folder.name + ".unfinished") if folder.name else folder
         begun = folder.name.endswith(".unfinished") or (unfinished.is_dir() and not folder.exists())
@@ -67,6 +73,11 @@ def read_info(folder: Path, versions: Sequence[str]) -> Info:
     check_features(info["features"], path)
     _check_path(info["data_path"], path, BEFORE.get(str(version), PLACES))
     return cast("Info", info)
+
+
+def is_bop(folder: Path) -> bool:
+    """Return whether a folder looks like a dataset in BOP's layout."""
+    return not is_file(folder / INFO) and any(folder.glob(f"*/*/{BOP_CAMERA}"))
 
 
 def check_features(features: Any, path: Path) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import DEPTH_STEP, decode
-from vispeg.datasets.describe import Made, is_integer, is_number
+from vispeg.datasets.describe import BOP_CAMERA, Made, is_integer, is_number
 from vispeg.datasets.episodes import Stretch
 from vispeg.datasets.formats.models import read_ply
 from vispeg.datasets.layout import Feature, colour_of, depth, depth_of, is_depth, parts, picture, pixel_shape
@@ -26,7 +26,7 @@ from vispeg.formats.guard import MB, is_file, read_bytes
 from vispeg.formats.json_data import read_json
 from vispeg.render.cameras.camera import PINHOLE, Camera
 
-LISTING, CAMERA, TRUTH = "dataset_info.json", "scene_camera.json", "scene_gt.json"
+LISTING, TRUTH = "dataset_info.json", "scene_gt.json"
 INFO = "models/models_info.json"
 ONE_CAMERA = "camera"  # name of the camera where none is stated
 MM = 1e-3  # m in a millimetre
@@ -68,9 +68,11 @@ class Bop:
     def __init__(self, folder: str | Path):
         self.folder = Path(folder).expanduser()
         self._kept: OrderedDict[int, dict[str, np.ndarray]] = OrderedDict()
-        self.scenes = sorted(path.parent for path in self.folder.glob(f"*/*/{CAMERA}") if path.parent.name.isdigit())
+        self.scenes = sorted(
+            path.parent for path in self.folder.glob(f"*/*/{BOP_CAMERA}") if path.parent.name.isdigit()
+        )
         if not self.scenes:
-            raise UserError("has no scenes", file=self.folder, expected=f"SPLIT/000000/{CAMERA}")
+            raise UserError("has no scenes", file=self.folder, expected=f"SPLIT/000000/{BOP_CAMERA}")
         listing = read_json(self.folder / LISTING) if is_file(self.folder / LISTING) else {}
         where = _scenes(listing, self.scenes, self.folder / LISTING)
         self.by = {}  # episode and camera -> scene
@@ -124,7 +126,7 @@ class Bop:
 
     def _frames(self, scene: Path) -> dict[int, PictureCamera]:
         """Return number of a picture -> its entry in scene_camera.json, in order."""
-        path = scene / CAMERA
+        path = scene / BOP_CAMERA
         record = read_json(path)
         if not isinstance(record, dict) or not record or not all(k.isdigit() and len(k) < 9 for k in record):
             raise UserError("not a mapping of pictures", file=path)
@@ -151,7 +153,7 @@ class Bop:
         try:
             return Camera(name, width, height, K[0], K[4], K[2], K[5], (k1, k2, p1, p2, k3))
         except UserError as error:
-            raise UserError(str(error), file=scene / CAMERA, key=f"{first}.cam_K") from None
+            raise UserError(str(error), file=scene / BOP_CAMERA, key=f"{first}.cam_K") from None
 
     def read(self, number: int) -> dict[str, np.ndarray]:
         """Read an episode's frames: feature -> (T, ...) array. Raises UserError: damaged files."""
