@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from vispeg.core.errors import UserError
-from vispeg.robots import hole, user_cell
+from vispeg.robots import hole, user_cell, user_shapes
 from vispeg.robots.declare import RobotConfig
 from vispeg.robots.user_cell import PegGeometry
 
@@ -33,21 +33,21 @@ class SceneConfig(PegGeometry):
             raise UserError("unknown peg shape", key="shape", got=self.shape, choices=("round", "square"))
         if self.clearance_mm is None and not self.hole_mesh:
             object.__setattr__(self, "clearance_mm", user_cell.CLEARANCE)
-        rules = {  # key: (low, high, unit); low itself is excluded, so one that is allowed stands a little lower
-            "clearance_mm": (0.0, 20.0, "mm"),
-            "diameter": (0.005, 0.04, "m"),
-            "depth": (0.005, 0.04, "m"),
-            "chamfer": (-1e-9, 0.01, "m"),
-            "friction": (-1e-9, 3.0, ""),
-            "block": (0.0, 0.2, "m"),
-            "mesh_scale": (0.0, 1000.0, "m per unit"),
-            "mesh_concavity": (0.0099, 1.0, ""),
-            "peg_density": (10.0, 25000.0, "kg/m3"),
+        rules = {  # key: (low, high, unit, whether low itself is allowed)
+            "clearance_mm": (0.0, 20.0, "mm", False),
+            "diameter": (0.005, 0.04, "m", False),
+            "depth": (0.005, 0.04, "m", False),
+            "chamfer": (0.0, 0.01, "m", True),
+            "friction": (0.0, 3.0, "", True),
+            "block": (0.0, 0.2, "m", False),
+            "mesh_scale": (0.0, 1000.0, "m per unit", False),
+            "mesh_concavity": (*user_shapes.CONCAVITY, "", True),
+            "peg_density": (10.0, 25000.0, "kg/m3", False),
         }
-        for key, (low, high, unit) in rules.items():
+        for key, (low, high, unit, closed) in rules.items():
             value = getattr(self, key)
-            if value is not None and not low < value <= high:
-                expected = f"{'0' if low < 0 else f'above {low:g}'} to {high:g} {unit}".rstrip()
+            if value is not None and not ((low <= value if closed else low < value) and value <= high):
+                expected = f"{'' if closed else 'above '}{low:g} to {high:g} {unit}".rstrip()
                 raise UserError("impossible geometry", key=key, expected=expected, got=value)
         if not self.peg_mesh and not round(self.diameter * 1e3, 6).is_integer():
             raise UserError("a peg's diameter must be a whole number of mm", key="diameter", got=self.diameter)

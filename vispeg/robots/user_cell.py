@@ -198,12 +198,11 @@ def fitted(config: PegGeometry, tool: str) -> float:
             "the peg does not fit its hole", key="peg_mesh", got=f"{-by_meshes / 2:.3g} mm too wide on a side"
         )
     if abs(by_meshes - by_pieces) > by_meshes / 2:
-        raise UserError(
-            "the convex pieces of the mesh are coarser than the clearance allows",
-            key="mesh_concavity",
-            expected=f"a smaller one than {config.mesh_concavity:g}",
-            got=f"they leave {by_pieces:.3g} mm of {by_meshes:.3g} mm",
-        )
+        leave = f"leave {by_pieces:.3g} mm of the clearance of {by_meshes:.3g} mm"
+        finest, given = user_shapes.CONCAVITY[0], config.mesh_concavity
+        finer = f"{finest:g} to less than {given:g}" if given > finest else "a simpler mesh, for this is the finest"
+        what = f"the convex pieces of the mesh are too coarse: they {leave}"
+        raise UserError(what, key="mesh_concavity", expected=finer, got=given)
     if block is not None and stated is None:
         return round(by_pieces, 3)
     low, high = sorted((by_pieces, by_meshes))

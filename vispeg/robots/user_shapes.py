@@ -29,6 +29,7 @@ from vispeg.formats.arrays import read_arrays
 
 FLAT = 0.06  # m, greatest height of a distractor on the table, as the gripper moves over it
 FAR = 0.02  # m: walls further from a peg are ignored, as the greatest clearance is 20 mm
+CONCAVITY = 0.01, 1.0  # thresholds that CoACD takes, from fine to coarse
 CONVEX = 1e-6  # greatest share of the hull's volume that a convex mesh may lack
 MESH = mujoco.mjtGeom.mjGEOM_MESH
 
