@@ -80,7 +80,7 @@ def test_episodes_keep_their_frames(tmp_path):
 def test_samples_cut_to_one_episode_do_not_take_the_frames_of_another(tmp_path):
     both = Frames(frames().cameras, (*frames(episode=3), *frames((0.2,), episode=7)))
     one = recording(n=500, episode=np.repeat(7, 500), time=np.arange(500) / 500)
-    with pytest.warns(UserWarning, match="6 of 8 frames lie outside the times of the samples"):
+    with pytest.warns(UserWarning, match="6 of 8 frames outside the times of the samples"):
         read = load(write(replace(one, frames=both), tmp_path / "rig")).frames
     assert read.episodes.tolist() == [7, 7] and set(read.times.tolist()) == {0.2}
 
@@ -148,7 +148,7 @@ BAD = {
     "out": (lambda f: edited(f, "index.csv", "room-00000-rgb.png", "../x.png"), "leads out of frames/"),
     "clock": (
         lambda f: (f / "frames" / "index.csv").write_text("time,camera,rgb\n1700000000.5,room,room-00000-rgb.png\n"),
-        "1 of 1 frames lie outside the times of the samples; expected times from 0 to",
+        "1 of 1 frame outside the times of the samples; expected times from 0 to",
     ),
     "focal": (lambda f: camera(f, fx=-3.0), "wrist.fx"),
     "nan focal": (lambda f: camera(f, fy=float("nan")), "wrist.fy: is not finite"),
@@ -168,7 +168,7 @@ def test_bad_frames_end_in_one_line(folder, case):
 
 def test_what_a_camera_saw_outside_the_log_is_left_out(folder):
     edited(folder, "index.csv", "0.9,wrist", "1.9,wrist")
-    with pytest.warns(UserWarning, match="1 of 6 frames lie outside the times of the samples and are left out"):
+    with pytest.warns(UserWarning, match="1 of 6 frames outside the times of the samples: left out"):
         there = load(folder).frames
     assert len(there) == 5
 

@@ -108,7 +108,7 @@ FORMS = {  # columns, keywords of `table`, and what the proposal has to say
     "rows twice": (
         {name: np.repeat(v, np.where(np.arange(N) % 10 == 3, 2, 1)) for name, v in PLAIN.items()},
         {},
-        "80 rows that repeat the one before",
+        "80 rows left out: the same as the one before",
     ),
     "comments before the header": (PLAIN, {"before": "# gains=high\n\n% payload, 90 g\n"}, "2 lines before the header"),
     "blanks and a commented header": (
@@ -470,7 +470,10 @@ def test_a_row_behind_repeated_ones_is_told_by_its_number_in_the_file(tmp_path, 
     twice["q_1"][400] = np.inf
     file = table(tmp_path / "log.csv", twice)
     mapping = map_from({f"q.{joint}": f"q_{j}" for j, joint in enumerate(JOINTS)}, file, JOINTS)
-    with pytest.warns(UserWarning, match="1 rows"), pytest.raises(UserError, match="row 402, column q.lift_joint"):
+    with (
+        pytest.warns(UserWarning, match="1 row left out"),
+        pytest.raises(UserError, match="row 402, column q.lift_joint"),
+    ):
         convert(file, arm, tmp_path / "rig", mapping=mapping)
 
 

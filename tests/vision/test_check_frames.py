@@ -50,7 +50,7 @@ def test_lost_repeated_and_badly_lit_frames_are_counted():
     assert found.fill_rate == 50.0 and found.near == pytest.approx(0.5) and abs(found.brightness - 128) < 1
     assert not found.precision and found.coverage is None
     said = " ".join(warnings_of(found))
-    assert "3 frames were lost" in said and "1 frames are the one before" in said and "50 % of the depth" in said
+    assert "3 frames lost" in said and "1 frame the same as the one before" in said and "50 % of the depth" in said
     (bright,) = check_frames(of_frames(np.arange(3) * 0.1, [np.full_like(p, 255) for p in grey(128, 3)]), None)
     assert bright.saturated > 0.9 and "expose less" in " ".join(warnings_of(bright))
 

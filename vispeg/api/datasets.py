@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.core.files import reserved
@@ -59,9 +60,8 @@ class RenderedDataset(Summarised):
         new = self.frames - self.resumed
         rate = f"{new / max(self.seconds, 1e-9):.1f} frames/s" if new else "nothing left to draw"
         earlier = f", {self.resumed} of them from before" if self.resumed else ""
-        text = (
-            f"{self.frames} frames of {len(self.cameras)} cameras in {self.path}{earlier}; {self.seconds:.0f} s, {rate}"
-        )
+        made = f"{count(self.frames, 'frame')} of {count(len(self.cameras), 'camera')} in {self.path}{earlier}"
+        text = f"{made}; {self.seconds:.0f} s, {rate}"
         return [Line(text, path=True)]
 
 
@@ -93,8 +93,8 @@ class CheckedDataset(Summarised):
         """One line per fault, or the size of a faultless dataset."""
         if self.faults:
             return [Line(fault, path=True) for fault in self.faults]
-        episodes = f"{self.episodes} episode" + "s" * (self.episodes != 1)
-        text = f"{self.path}: {self.frames} frames in {episodes}, {self.megabytes:.1f} MB, nothing wrong"
+        found = f"{count(self.frames, 'frame')} in {count(self.episodes, 'episode')}"
+        text = f"{self.path}: {found}, {self.megabytes:.1f} MB, nothing wrong"
         return [Line(text, path=True)]
 
 

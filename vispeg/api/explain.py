@@ -17,6 +17,7 @@ from vispeg.api.playing import Playing, check_numbers, folders, play, silent, st
 from vispeg.api.run import opened
 from vispeg.api.stress.result import Stressed
 from vispeg.core.cluster import Engine
+from vispeg.core.counts import count
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
@@ -283,7 +284,7 @@ def _read(place: Path, notes: list[str]) -> list[Trial]:
     every = [read_trial(folder) for folder in trials_in(place)]
     moved = [t for t in every if t.said.full_speed and len(t.steps.time)]
     if len(moved) < len(every):
-        notes.append(f"{len(every) - len(moved)} of {len(every)} trials were shadows or slowed down: left out")
+        notes.append(f"{len(every) - len(moved)} of {count(len(every), 'trial')} left out: shadows or slowed down")
     if not moved:
         raise UserError("no trials in which the arm was moved at full speed", file=place)
     return moved

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vispeg.cli.command import REQUIRED, TOLERANCE, Call, Option, command
+from vispeg.core.counts import count
 from vispeg.core.interrupt import goes_on
 
 if TYPE_CHECKING:
@@ -167,7 +168,7 @@ def gap(call: Call) -> None:
     def announced(jobs: Sequence[Job], folder: Path) -> AbstractContextManager[Watch]:
         total, controlled = sum(len(j.seeds) for j in jobs), sum(len(j.seeds) for j in jobs if j.control)
         if controlled and not quiet:
-            text = f"{total} episodes, {controlled} of them of controls (--controls none leaves those out)"
+            text = f"{count(total, 'episode')}, {controlled} of them of controls (--controls none leaves those out)"
             print(text, file=sys.stderr)
         return playing(jobs, folder, quiet)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vispeg.cli.command import Call, Option, command
+from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 
 if TYPE_CHECKING:
@@ -123,9 +124,10 @@ def convert(
     signals = [*(name for name in SIGNALS if getattr(rec, name) is not None), *rec.signals]
     shape = {"samples": len(rec.time), "joints": list(rec.joints), "rate_hz": rec.rate_hz}
     frames = 0 if rec.frames is None else len(rec.frames)
-    line = f"{call.out}: {len(rec.time)} samples of {len(rec.joints)} joints at {rec.rate_hz:g} Hz: "
+    size = f"{count(len(rec.time), 'sample')} of {count(len(rec.joints), 'joint')}"
+    line = f"{call.out}: {size} at {rec.rate_hz:g} Hz: "
     line += ", ".join(signals)
-    line += f"; {frames} frames of {', '.join(rec.frames.names)}" if rec.frames is not None else ""
+    line += f"; {count(frames, 'frame')} of {', '.join(rec.frames.names)}" if rec.frames is not None else ""
     call.output.give({"recording": str(call.out), **shape, "signals": signals, "frames": frames}, [line])
 
 
@@ -142,9 +144,10 @@ def _convert_object(call: Call, episodes: str | None) -> None:
     _need_out(call)
     options = {"rate_hz": call.rate_hz, "overwrite": call.overwrite}
     rec = convert_object(call.source, call.robot, call.out, first=first, last=last, **options)
-    count = len(rec.tosses)
-    record = {"recording": str(call.out), "object": rec.name_of, "samples": len(rec.time), "episodes": count}
-    line = f"{call.out}: {count} tosses of {rec.name_of}, {len(rec.time)} samples at {rec.rate_hz:g} Hz"
+    tosses = len(rec.tosses)
+    record = {"recording": str(call.out), "object": rec.name_of, "samples": len(rec.time), "episodes": tosses}
+    thrown = f"{tosses} {'toss' if tosses == 1 else 'tosses'} of {rec.name_of}"
+    line = f"{call.out}: {thrown}, {len(rec.time)} samples at {rec.rate_hz:g} Hz"
     call.output.give(record, [line])
 
 

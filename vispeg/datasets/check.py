@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.datasets.describe import CAMERA_FILE, RENDER_FILE, STATS, TASKS
 from vispeg.datasets.episodes import OWN
@@ -99,7 +100,7 @@ def _meta(data: Dataset) -> Iterator[str]:
             yield f"{path}: {sorted(others)[0]}: is not among the features of meta/info.json"
     rows = sum(data.open(path).metadata.num_rows for path in data.data_files)
     if rows != len(data):
-        yield f"{data.folder / 'data'}: {rows} rows; expected {len(data)}"
+        yield f"{data.folder / 'data'}: {count(rows, 'row')}; expected {len(data)}"
     _ = data.models  # raises UserError if one is invalid
     path = data.folder / TASKS
     tasks = values(COUNTED["task_index"], table(opened(path), path, ["task_index"])["task_index"], path, "task_index")
@@ -127,7 +128,7 @@ def _numbers(data: Dataset) -> Iterator[str]:
             yield str(error)
             continue
         if len(column) != len(data):
-            yield f"{name}: {len(column)} rows; expected {len(data)}"
+            yield f"{name}: {count(len(column), 'row')}; expected {len(data)}"
             continue
         if name in expected:
             wrong = np.flatnonzero(~(np.abs(column - expected[name]) <= (1e-4 if name == "timestamp" else 0)))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.datasets.layout import Feature, is_image
 from vispeg.formats.guard import is_file
@@ -88,7 +89,7 @@ def values(feature: Feature, column: Any, path: Path, name: str) -> Any:
             raise UserError("holds no encoded pictures", file=path, key=name, got=str(kind))
         return [b if isinstance(b, bytes) else b"" for b in flat.field("bytes").to_pylist()]
     if flat.null_count:
-        raise UserError(f"has no value in {flat.null_count} frames", file=path, key=name)
+        raise UserError(f"has no value in {count(flat.null_count, 'frame')}", file=path, key=name)
     if feature["dtype"] == "string":
         return np.array(flat.to_pylist(), object)
     rows = len(flat)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import decode
 from vispeg.datasets.describe import (
@@ -217,10 +218,8 @@ class Dataset:
         times = np.arange(self.episodes[number]["length"]) / self.info["fps"]
         frames = [image for _, image in decoded(file, times, start)]
         if len(frames) != len(times):
-            got = f"{len(frames)} frames"
-            raise UserError(
-                f"does not show all of episode {number}", file=file, expected=f"{len(times)} frames", got=got
-            )
+            expected, got = count(len(times), "frame"), count(len(frames), "frame")
+            raise UserError(f"does not show all of episode {number}", file=file, expected=expected, got=got)
         return np.stack(frames)
 
     def _columns(self, number: int) -> Mapping[str, Any]:
@@ -245,7 +244,7 @@ class Dataset:
             rows = full_table.filter(pc.equal(episode, number)).select(columns)
         length = self.episodes[number]["length"]
         if len(rows) != length:
-            raise UserError(f"episode {number} has {len(rows)} frames", file=path, expected=length)
+            raise UserError(f"episode {number} has {count(len(rows), 'frame')}", file=path, expected=length)
         self._kept[number] = {name: values(self.features[name], rows[name], path, name) for name in columns}
         while len(self._kept) > KEPT:
             self._kept.popitem(last=False)

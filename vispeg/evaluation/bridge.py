@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from vispeg.core.counts import count
 from vispeg.evaluation import statistics
 from vispeg.evaluation.outlook import Sign
 from vispeg.evaluation.records import Episode
@@ -132,7 +133,7 @@ def _searched(diagnosis: Mapping[str, Any] | None) -> Condition:
         return {"condition": condition, "here": "no diagnosis.json beside --model", "met": None}
     refused = [c for c in diagnosis.get("candidates") or () if isinstance(c.get("heldout_gain"), int | float)]
     best = max(refused, key=lambda c: c["heldout_gain"], default=None)
-    here = f"{diagnosis.get('verdict')}, {len(refused)} effects refused"
+    here = f"{diagnosis.get('verdict')}, {count(len(refused), 'effect')} refused"
     if best is not None:
         here += f", the best would remove {100 * best['heldout_gain']:.1f} % of the held-out error"
         here += f" ({best['effect']} at {best['where']})"

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import check_seed
 from vispeg.evaluation.records import Episode, measure
@@ -163,7 +164,7 @@ def read_measured(
     if not found:
         raise UserError("no trials in which the arm was moved at full speed", file=path)
     place = Path(path).name
-    notes = [f"{left_out} trials of {place} were shadows or slowed down: left out"] if left_out else []
+    notes = [f"{count(left_out, 'trial')} of {place} left out: shadows or slowed down"] if left_out else []
     notes += [f"{place} holds trials of another policy than the {name} that is given" for name in others]
     return Trials(_numbered(found), notes)
 

@@ -30,6 +30,7 @@ from typing import Any
 
 import numpy as np
 
+from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.evaluation.lerobot import LeRobot, folder_of, run_of
@@ -249,7 +250,7 @@ class Own:
             actions = actions[None]
         fits = actions.ndim == 2 and len(actions) == n and actions.shape[-1] in widths
         if not fits or not np.isfinite(actions).all():
-            shapes, each = " or ".join(f"({n}, {k})" for k in widths), f"an action for each of {n} episodes"
+            shapes, each = " or ".join(f"({n}, {k})" for k in widths), f"an action for each of {count(n, 'episode')}"
             got = "numbers that are not finite" if fits else np.shape(out)
             raise UserError(
                 f"{self.name} gives no actions", expected=f"finite numbers of shape {shapes}: {each}", got=got

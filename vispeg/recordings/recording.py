@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from vispeg.core.counts import count
 from vispeg.recordings.cell import CellBelief, Outcome, WrenchSensor
 from vispeg.recordings.columns import JOINT_SIGNALS, SIGNALS
 from vispeg.recordings.frames.frames import Frames
@@ -193,8 +194,9 @@ class Recording:
         arrays = [
             key for key, value in vars(self).items() if isinstance(value, np.ndarray) and key not in ("time", "clock")
         ]
-        summary = f"{self.robot}, {len(self.joints)} joints, {len(self.time)} samples at {self.rate_hz:g} Hz"
-        pictures = "" if self.frames is None else f" and {len(self.frames)} pictures"
+        size = f"{count(len(self.joints), 'joint')}, {count(len(self.time), 'sample')}"
+        summary = f"{self.robot}, {size} at {self.rate_hz:g} Hz"
+        pictures = "" if self.frames is None else f" and {count(len(self.frames), 'picture')}"
         return f"<Recording {self.name}: {summary}: {', '.join(arrays)}{pictures}>"
 
 

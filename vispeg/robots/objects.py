@@ -13,6 +13,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import is_file
@@ -107,7 +108,7 @@ def load_object(source: str | Path) -> ObjectModel:
     joints = spec.joints
     if len(joints) != 1 or joints[0].type != FREE:
         raise UserError(
-            "is not a free object", file=path, expected="one body with a freejoint", got=f"{len(joints)} joints"
+            "is not a free object", file=path, expected="one body with a freejoint", got=count(len(joints), "joint")
         )
     body = joints[0].parent
     if not body.name:

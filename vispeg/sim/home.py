@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from vispeg.control.laws import singular
+from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import compiled, nominal_of
@@ -31,7 +32,7 @@ def home_of(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) 
     if len(robot.joints) < POSE:
         what = "an arm of so few joints cannot hold its tool at any pose, as a world needs it"
         expected = "six joints or more; record, compare, fit and diagnose take the arm's own file, without a world"
-        raise UserError(what, file=robot.name, expected=expected, got=f"{len(robot.joints)} joints")
+        raise UserError(what, file=robot.name, expected=expected, got=count(len(robot.joints), "joint"))
     return np.array(robot.home or _solved(robot, pos, quat))
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, Field
 
+from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.seeds import LAST_SEED
@@ -269,7 +270,7 @@ def read_trial(folder: str | Path) -> Trial:
     said = read_said(path)
     steps, stated = _steps(path / STEPS), said.timing.steps  # 0 where another program does not state it
     if stated and stated != len(steps.time):
-        expected = f"{stated} rows by timing.steps of {FILE}"
+        expected = f"{count(stated, 'row')} by timing.steps of {FILE}"
         raise UserError(
             "has the wrong number of rows (cut off?)", file=path / STEPS, expected=expected, got=len(steps.time)
         )

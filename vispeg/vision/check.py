@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from vispeg.core.counts import count
 from vispeg.core.robust import spread
 from vispeg.recordings.cell import OPEN_CELL
 from vispeg.recordings.frames.frames import Frames, RecordedFrame
@@ -230,9 +231,10 @@ def warnings_of(check: CameraCheck) -> list[str]:
     """Return sentences on what would mislead a comparison, and on what these frames cannot tell."""
     name, out = check.camera, []
     if check.lost:
-        out.append(f"{name}: {check.lost} frames were lost between stamps")
+        out.append(f"{name}: {count(check.lost, 'frame')} lost between stamps")
     if check.repeated:
-        out.append(f"{name}: {check.repeated} frames are the one before: delivered again, or nothing moves in sight")
+        why = "delivered again, or nothing moves in sight"
+        out.append(f"{name}: {count(check.repeated, 'frame')} the same as the one before: {why}")
     if check.rate_hz and check.jitter_s * check.rate_hz > 0.1:
         out.append(f"{name}: the period jitters by {1e3 * check.jitter_s:.3g} ms: are these times of arrival?")
     if check.saturated is not None and check.saturated > 0.1:

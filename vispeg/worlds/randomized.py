@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from vispeg.core.counts import count
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
 from vispeg.worlds.distribution import Distribution
@@ -83,7 +84,7 @@ class RandomizedWorld:
     base: World = World()
 
     def __repr__(self) -> str:
-        return f"<RandomizedWorld: {len(self.ranges)} effects drawn in every episode, from {self.base!r}>"
+        return f"<RandomizedWorld: {count(len(self.ranges), 'effect')} drawn in every episode, from {self.base!r}>"
 
     @classmethod
     def of(cls, world: World | RandomizedWorld) -> RandomizedWorld:

@@ -16,6 +16,7 @@ from vispeg.api.recording.asked import Asked
 from vispeg.api.recording.cell import cell_motion, motions_of
 from vispeg.api.recording.look import LOOK_S, cameras_of, look_of, refuse_rate, scene_of
 from vispeg.api.result import Result
+from vispeg.core.counts import count
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
@@ -97,7 +98,7 @@ class SimulatedRecording(Result):
         runs = f"{self.repeat} runs of " if self.repeat > 1 else ""
         text = f"{runs}{rec.motion}, {rec.time[-1]:.3g} s at {rec.rate_hz:g} Hz, {rec.control.mode} control"
         if rec.frames is not None:
-            text += f", {len(rec.frames)} pictures of {', '.join(rec.frames.cameras)}"
+            text += f", {count(len(rec.frames), 'picture')} of {', '.join(rec.frames.cameras)}"
         yield f"{text}, {self.robot}" + (f", looking as {self.look}" if self.look is not None else "")
         if self.scaled:
             shares = ", ".join(f"{joint} {100 * share:.0f} %" for joint, share in self.scaled.items())

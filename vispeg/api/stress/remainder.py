@@ -9,6 +9,7 @@ from pathlib import Path
 from shutil import rmtree
 
 from vispeg.api.playing import check_numbers, play
+from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.evaluation import runner
 from vispeg.evaluation.entrants import Entrant, Policies
@@ -94,4 +95,4 @@ def _reported(jobs: Sequence[Job], say: Callable[[str], None]) -> Iterator[runne
     """Yield a progress display that passes lines of text to `say`."""
     names = ", ".join(dict.fromkeys(job.entrant.name for job in jobs))
     say(f"{names} plays with the identified model, and with what is left")
-    yield lambda new, done, total: say(f"{names}: {done} of {total} episodes")
+    yield lambda new, done, total: say(f"{names}: {done} of {count(total, 'episode')}")

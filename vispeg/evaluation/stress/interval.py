@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from vispeg.core.counts import count
 from vispeg.core.effect import EffectInstance
 
 POINT = 0.01  # largest change of success, as a share, for which a measurement is good enough
@@ -27,7 +28,7 @@ def verdict(low: float, high: float, episodes: int) -> str:
         return "enough, stop measuring"
     if low > POINT or high < -POINT:
         return "measure on"
-    return f"{episodes} episodes cannot tell whether it is under a point"
+    return f"{count(episodes, 'episode')} cannot tell whether it is under a point"
 
 
 def words(moved: float, low: float, high: float, said: str) -> str:

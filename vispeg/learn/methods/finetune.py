@@ -16,6 +16,7 @@ from typing import Any
 
 import torch
 
+from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.provenance import command_line
@@ -128,7 +129,7 @@ def finetune(
             made = getattr(env.env, "config", None)
             shown = from_folder(dataset, policy.modality, actor.layout, seed, actor.device, config=made, say=say)
         before = _success(policy, env, settings.episodes)
-        say(f"before: {before:.0%} of {settings.episodes} episodes in the target world")
+        say(f"before: {before:.0%} of {count(settings.episodes, 'episode')} in the target world")
         rings: list[tuple[Replay, float]] = []  # with their shares of each batch
         others: list[Origin] = []  # the worlds that it learns in, without the target
         if dataset is not None and shown is not None:

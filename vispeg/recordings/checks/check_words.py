@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from vispeg.core.counts import count
 from vispeg.recordings.checks.joint_check import JointCheck
 from vispeg.recordings.checks.missing import said
 from vispeg.recordings.checks.spikes import Spike
@@ -36,11 +37,15 @@ def _clock_warnings(clock: Timing) -> list[str]:
         lost = sum(gap.samples for gap in clock.gaps)
         worst = max(clock.gaps, key=lambda gap: gap.seconds)
         where = f"the longest, {1e3 * worst.seconds:.0f} ms, at {worst.start:.3f} s"
-        out.append(f"{len(clock.gaps)} gap{'s' * (len(clock.gaps) != 1)}, {lost} samples lost; {where}")
+        out.append(f"{count(len(clock.gaps), 'gap')}, {count(lost, 'sample')} lost; {where}")
     if clock.repeated:
-        out.append(f"{clock.repeated} rows repeat the one before bit for bit: readings were dropped and held")
+        out.append(
+            f"{count(clock.repeated, 'row')} the same as the one before, bit for bit: readings were dropped and held"
+        )
     if clock.zeroed:
-        out.append(f"{clock.zeroed} rows have every angle at exactly zero: missing readings should be empty cells")
+        out.append(
+            f"{count(clock.zeroed, 'row')} with every angle at exactly zero: missing readings should be empty cells"
+        )
     return out
 
 
@@ -70,20 +75,20 @@ def _joint_warnings(joint: JointCheck, rec: Recording) -> list[str]:
     out, motion = [], joint.excitation
     if joint.spikes:
         out.append(_spike_words(joint.spikes))
-    for count, what in (
+    for rows, what in (
         (joint.outside_range, "outside the joint's range"),
         (joint.over_velocity, "above the velocity limit"),
         (joint.over_torque, "above the torque limit"),
     ):
-        if count:
-            out.append(f"{count} rows are {what}")
+        if rows:
+            out.append(f"{count(rows, 'row')} {what}")
     if joint.tracking_rms is not None and np.degrees(joint.tracking_rms) > POOR_TRACKING:
         rms, worst = np.degrees(joint.tracking_rms), np.degrees(joint.tracking_worst or 0.0)
         out.append(
             f"is off its command by {rms:.1f} degrees RMS, {worst:.1f} at most: beyond 2 to 3 degrees a simulation's "
             "model of the actuator is the first suspect"
         )
-    out += [f"{name} is saturated in {count} rows" for name, count in joint.saturated.items()]
+    out += [f"{name} is saturated in {count(rows, 'row')}" for name, rows in joint.saturated.items()]
     if joint.quantum_q is not None and joint.quantum_q > 1e-4:
         out.append(f"the angle comes in steps of {joint.quantum_q:.2g} rad")
     for name, estimate in (("q", joint.noise_q), ("tau", joint.noise_tau)):

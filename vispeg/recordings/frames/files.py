@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.core.notes import note
 from vispeg.formats.guard import is_file, read_text
@@ -151,10 +152,10 @@ def _within(
         inside += sorted(mine, key=lambda f: f.time)
     outside = len(frames) - len(inside)
     if outside:
-        said = f"{outside} of {len(frames)} frames lie outside the times of the samples"
+        said = f"{outside} of {count(len(frames), 'frame')} outside the times of the samples"
         if not inside:
             raise UserError(said, file=file, expected=f"times from {float(time.min()):g} to {float(time.max()):g} s")
-        note(f"{file}: {said} and are left out")
+        note(f"{file}: {said}: left out")
     return inside
 
 

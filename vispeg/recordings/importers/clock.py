@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.core.notes import note
 
@@ -52,7 +53,7 @@ def cleaned(
                 got=float(time[row]),
             )
         keep = np.concatenate([[True], ~repeated])
-        note(f"{source}: {int(repeated.sum())} rows that repeat the one before with its time are dropped")
+        note(f"{source}: {count(int(repeated.sum()), 'row')} left out: the same as the one before, with its time")
         columns = {name: values[keep] for name, values in columns.items()}
         numbers = np.asarray(numbers)[keep]
     return _held(_cut(columns, source, numbers), source), numbers

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.core.lens import distort, undistort
 from vispeg.core.rotation import quaternion
@@ -123,7 +124,7 @@ class Camera:
         except (TypeError, ValueError):
             values = np.array([np.nan])
         if len(values) != size or not np.isfinite(values).all():
-            raise self._wrong(key, f"{size} finite number{'s' * (size > 1)}", value)
+            raise self._wrong(key, count(size, "finite number"), value)
         return tuple(values.tolist())
 
     def _wrong(self, key: str, expected: str, got: Any) -> UserError:

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from vispeg.core.counts import count
 from vispeg.recordings.checks.check_words import FLAT
 from vispeg.recordings.checks.contact_check import FORCES, WORDS, ContactCheck, said, together
 from vispeg.recordings.checks.excitation import PARAMETERS, UNITS
@@ -92,7 +93,7 @@ def _headline(checked: Sequence[Examined]) -> Mapping[str, object]:
     counts = [len(lines_of(rec)) for rec in checked]
     names = ", ".join(rec.name for rec in checked) if len(checked) < 4 else f"{len(checked)} recordings"
     total = sum(counts)
-    title = f"{names}: {total} warning{'s' * (total != 1)}" if total else f"{names}: no warning"
+    title = f"{names}: {count(total, 'warning')}" if total else f"{names}: no warning"
     clocks = [rec.report.timing for rec in checked]
     lost = sum(gap.samples for clock in clocks for gap in clock.gaps)
     bad = sum(len(joint.spikes) for rec in checked for joint in rec.report.joints)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from vispeg.core.counts import count
 from vispeg.diagnosis.pictures.excited import Excitation
 from vispeg.recordings.checks.check import CheckReport
 from vispeg.recordings.checks.contact_check import said
@@ -24,13 +25,9 @@ def clock(report: CheckReport) -> str:
     jitter = plain(1e3 * timing.jitter if timing.jitter * timing.rate_hz > 1e-6 else 0.0)
     return (
         f"{report.robot.rsplit('/', 1)[-1]}, {report.mode} control, {timing.duration_s:.1f} s "
-        f"at {timing.rate_hz:.4g} Hz (jitter {jitter} ms), {_several(timing.episodes, 'episode')}, "
-        f"{_several(len(timing.gaps), 'gap')}"
+        f"at {timing.rate_hz:.4g} Hz (jitter {jitter} ms), {count(timing.episodes, 'episode')}, "
+        f"{count(len(timing.gaps), 'gap')}"
     )
-
-
-def _several(count: int, what: str) -> str:
-    return f"{count} {what}{'s' * (count != 1)}"
 
 
 def motion(report: CheckReport) -> Sheet:

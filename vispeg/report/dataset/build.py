@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.datasets.codec import encode
@@ -107,7 +108,9 @@ def cameras(data: Dataset | Bop) -> Mapping[str, object]:
         )
     key = [(part, "rgb({},{},{})".format(*part_picture(np.array([i]))[0])) for i, part in enumerate(data.parts, 1)]
     all_frames = len(frames) == len(data)
-    counted = "of all frames" if all_frames else f"of {len(frames)} frames looked at, spread over all {len(data)}"
+    counted = (
+        "of all frames" if all_frames else f"of {count(len(frames), 'frame')} looked at, spread over all {len(data)}"
+    )
     return {"cameras": out, "parts": key, "counted": counted}
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from vispeg.core.counts import count
 from vispeg.report.drawings.palette import name_of
 from vispeg.report.gap import words, worlds
 from vispeg.report.gap.colours import Style, of_policies, ordered
@@ -43,7 +44,7 @@ class Bar:
 def bar(name: str, number: int, e: Mapping[str, Any], style: Style, home: bool = False) -> Bar:
     """Return the bar of an estimate `e` (value, low, high, n); `home` marks a policy in the world of its training."""
     value, low, high = (100 * float(e[k]) for k in ("value", "low", "high"))
-    text = f"{name}: {words.rate(e)}, 95 % interval, {e['n']} episodes"
+    text = f"{name}: {words.rate(e)}, 95 % interval, {count(e['n'], 'episode')}"
     percent = f"{value:.0f}\N{NO-BREAK SPACE}%"
     return Bar(name, number, value, low, high, percent, text, name_of(style.colour), style.second, home)
 

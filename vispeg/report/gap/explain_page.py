@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from vispeg.core.counts import count
 from vispeg.report.drawings.figures import AFTER, BEFORE, NARROW, Shape, chart, legend, new_figure, quiet
 from vispeg.report.gap import table_page, words
 from vispeg.report.gap.page import page
@@ -100,7 +101,7 @@ def _bridge(values: Mapping[str, Any]) -> list[table_page.Section]:
     sections, bridge, remainder = [], values["bridge"], values["remainder"]
     if remainder:
         regimes = "; ".join(
-            f"{100 * r['share']:.0f} % of its power in {name} ({r['recordings']} recordings)"
+            f"{100 * r['share']:.0f} % of its power in {name} ({count(r['recordings'], 'recording')})"
             for name, r in remainder["regimes"].items()
         )
         rows = [["without", words.rate(remainder["without"])], ["with it", words.rate(remainder["with_it"])]]
@@ -108,7 +109,7 @@ def _bridge(values: Mapping[str, Any]) -> list[table_page.Section]:
         rows += [[f"{j['joint']}, RMS", f"{j['rms']:.2g} {j['unit']}"] for j in remainder["joints"]]
         note = (
             f"{remainder['words']}. In the same episodes, the joints also get the missing torque of "
-            f"{len(remainder['recordings'])} recordings in the identified world, below 8 Hz, in blocks of "
+            f"{count(len(remainder['recordings']), 'recording')} in the identified world, below 8 Hz, in blocks of "
             f"{remainder['block_s']:.2g} s (twice its correlation time); {regimes}."
         )
         sections.append(table_page.table("Effect of the unexplained torque", ("", "success"), rows, note=note))

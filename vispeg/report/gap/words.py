@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from vispeg.core.counts import count
 from vispeg.evaluation.controls import FIXED
 from vispeg.report.text.quantities import plain
 
@@ -43,7 +44,7 @@ def share(e: Row | None) -> str:
 
 def rate_of(e: Row) -> str:
     """Return a success rate with its interval and sample: `87 % (81 to 92) of 60 episodes`."""
-    return f"{rate(e)} of {e['n']} episodes"
+    return f"{rate(e)} of {count(e['n'], 'episode')}"
 
 
 def points(value: float | None) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from vispeg.core.counts import count
 from vispeg.report.record import rows
 from vispeg.report.text.quantities import plain
 
@@ -26,7 +27,8 @@ def sentence(camera: Mapping[str, Any]) -> str:
         value = camera.get(key)
         if isinstance(value, int | float):
             parts.append(words.format(plain(float(value), 2)))
-    head = f"{camera.get('camera', '?')}, {camera.get('frames', '?')} frames"
+    frames = camera.get("frames")
+    head = f"{camera.get('camera', '?')}, {count(frames, 'frame') if isinstance(frames, int) else '? frames'}"
     return f"{head}: {', '.join(parts) or 'nothing to compare'}"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.interface.observer import DOWN
 from vispeg.robots.scene import Scene
@@ -56,7 +57,7 @@ def elbow_turned(scene: Scene) -> np.ndarray:
             "the arm has no elbow to turn: each pose of its flange takes all its joints",
             key="--motion",
             expected="seven joints or more; with six, press on a stop that does not give way, such as the table",
-            got=f"{len(q0)} joints",
+            got=count(len(q0), "joint"),
         )
     _, jac, pos, quat, _ = (part.copy() for part in nominal.operational(q0[None]))
     before, best, most = jac[0] @ jac[0].T, q0, 0.0

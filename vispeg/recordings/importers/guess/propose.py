@@ -11,6 +11,7 @@ from typing import TypedDict
 
 import numpy as np
 
+from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.importers.guess import values
@@ -416,7 +417,7 @@ def joint_columns(
         out.assumed.add(signal)
         return _ordered({joints[k]: m for k, m in sorted(numbered.items()) if k < len(joints)}, order)
     if len(group) == 1 and len(joints) > 1 or len(group) > len(joints):
-        why = f"{len(group)} columns, {len(joints)} joints, and no name or number says which is which"
+        why = f"{count(len(group), 'column')}, {count(len(joints), 'joint')}, and no name or number says which is which"
         out.unused |= {m.name: why for m in group}
         return {}
     pairs = _ordered(dict(zip(joints, group, strict=False)), order)
