@@ -11,7 +11,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.render.backends import classic, filament
 from vispeg.render.backends.backend import Renderer
-from vispeg.render.backends.raycast import cast
+from vispeg.render.backends.raycast import cast, cast_rays
 from vispeg.render.backends.warp import Warp
 from vispeg.render.cameras import model_camera
 from vispeg.render.cameras.camera import MAX_SIDE, PINHOLE, Camera
@@ -87,6 +87,17 @@ def test_depth_is_planar_in_metres(balls):
         b, c = ray @ BALLS[i], BALLS[i] @ BALLS[i] - RADIUS**2
         z = (b - np.sqrt(b * b - ray @ ray * c)) / (ray @ ray)  # where the ray meets the ball, along the optical axis
         assert shot.depth[y, x] == pytest.approx(z, abs=4 * FACETS[balls.backend])  # of a ball five times as large
+
+
+def test_a_ray_almost_across_the_camera_meets_what_is_within_reach_in_depth():
+    """A ball at a depth of 7 m, 210 m away along a ray that goes 30 m for each metre of depth."""
+    ray = np.array([np.sqrt(30.0**2 - 1), 0.0, -1.0]) / 30.0
+    ball = "<geom size='1' pos='{} {} {}'/>".format(*(210.0 * ray))
+    seen = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
+    data = mujoco.MjData(seen)
+    mujoco.mj_forward(seen, data)
+    depth, geom, _ = cast_rays(seen, data, np.zeros(3), ray[None], np.array([30.0]))
+    assert geom.tolist() == [0] and depth == pytest.approx([209.0 / 30.0])
 
 
 def test_the_same_state_gives_the_same_pixels(balls):

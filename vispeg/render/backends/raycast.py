@@ -77,10 +77,11 @@ def cast_rays(
     n = len(directions)
     ids, distance, normals = np.empty((n, 1), np.int32), np.empty((n, 1)), np.zeros((3 * n, 1))
     start, unit = np.array(pos, float).reshape(3, 1), np.ascontiguousarray(directions).reshape(-1, 1)
+    farthest = REACH * float(np.max(length, initial=1.0))  # at which a ray is still at a depth of REACH
     groups = model.geom_group.copy()
     model.geom_group[~is_visible(model)] = HIDDEN
     try:
-        mujoco.mj_multiRay(model, data, start, unit, SEEN[:, None], True, -1, ids, distance, normals, n, 20 * REACH)
+        mujoco.mj_multiRay(model, data, start, unit, SEEN[:, None], True, -1, ids, distance, normals, n, farthest)
     finally:
         model.geom_group[:] = groups
     depth = distance[:, 0] / length
