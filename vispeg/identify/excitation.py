@@ -18,6 +18,10 @@ from vispeg.recordings.validate import check_length
 
 SEVEN_AXIS_CENTRE = (0.0, 0.5, 0.0, -1.2, 0.0, 0.9, 0.0)  # flange in front, pointing down, well above the table
 SEVEN_AXIS_REACH = (0.9, 0.4, 0.7, 0.45, 1.0, 0.6, 1.2)  # rad, reach around it that stays clear of table and base
+# reach of other arms, share of half a joint's range. A choice of half the default `share`, for nothing is known of what
+# stands around them. Of 1500 postures of the iiwa14 in such a box around the middle of its ranges, none touches arm or
+# table; at 0.6 none either, at 0.8 every 60th is below the table.
+REACH = 0.4
 
 
 class Robot(Protocol):
@@ -264,7 +268,7 @@ def room_of(
             f"the centre posture must lie well inside the position limits, in the middle {100 * share:g} %",
             got=list(at),
         )
-    reach = np.minimum(share * half - np.abs(at - mid), SEVEN_AXIS_REACH if seven else 0.4 * half)
+    reach = np.minimum(share * half - np.abs(at - mid), SEVEN_AXIS_REACH if seven else REACH * half)
     limit = np.asarray(robot.velocity_limit, float)
     speed = share * np.where(np.isfinite(limit) & (limit > 0.0), limit, 2.0)
     return Room(tuple(robot.joints), np.arange(n) / rate_hz, at, reach, speed)
