@@ -1,6 +1,5 @@
 """Several effects of one joint, of which each alone is refused, are found together; fits of limits start at guesses."""
 
-import fits
 import numpy as np
 import pytest
 from loops import pendulum
@@ -9,7 +8,6 @@ from vispeg.api.fit import fit
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.evidence.starts import begun
-from vispeg.diagnosis.findings import Score, Trial
 from vispeg.diagnosis.proposal import placed, propose
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.pairs import pairs
@@ -24,10 +22,10 @@ SERVO = EffectInstance.of("servo", "hinge", natural_frequency=40.0, damping_rati
 LIMIT = EffectInstance.of("goal_rate_limit", "hinge", rate=1.0)
 
 
-def strokes(size: float, seed: int, *effects: EffectInstance) -> Recording:
-    """The pendulum under a servo at 50 Hz, on strokes of this size: large ones pass the limit of the goal."""
+def strokes(size: float, step: float, seed: int, *effects: EffectInstance) -> Recording:
+    """The pendulum under a servo at 50 Hz, on strokes of this size and steps: large ones pass the limit."""
     robot, time = pendulum(), np.arange(200) / 50.0
-    goal = size * (np.sin(2 * np.pi * (0.7 + 0.1 * seed) * time) + np.where(time % 2 < 1, 0.0, 0.5))
+    goal = size * np.sin(2 * np.pi * (0.7 + 0.1 * seed) * time) + np.where(time % 2 < 1, 0.0, step)
     motion = Motion("strokes", time, goal[:, None], np.gradient(goal, time)[:, None])
     loop = controller(robot, "servo", 50.0, np.zeros(1))
     return record(World(robot.source, None, effects), motion, loop, {"q": 5e-4}, stream(seed, "strokes"))
@@ -35,35 +33,18 @@ def strokes(size: float, seed: int, *effects: EffectInstance) -> Recording:
 
 @pytest.fixture(scope="module")
 def search() -> Search:
-    """Fitted on large strokes, judged on small ones."""
-    large, small = [strokes(0.5, k, SERVO, LIMIT) for k in (0,)], [strokes(0.05, k, SERVO, LIMIT) for k in (2,)]
-    return Search(Evidence(large), Judge(Evidence(small)))
-
-
-class Alone(Search):
-    """A search in which no single effect passes, or one does.
-
-    Attributes:
-        tried: the effect, which gains nothing; or None.
-        rejected: why it is refused; "" where it passes.
-    """
-
-    tried: EffectInstance | None = None
-    rejected = ""
-
-    def try_places(self, state, places, missing, groups, several):
-        """Try the effect."""
-        if self.tried is None:
-            return []
-        fit, gain = fits.fit(state.world.add(self.tried)), self.judge.gain(state.loss, state.loss)
-        return [Trial(Score(self.tried, 1.0), fit, state.loss, gain, self.rejected)]
+    """Fitted on large strokes, judged on small ones, in which the limit does nothing."""
+    large, small = strokes(0.5, 0.25, 0, SERVO, LIMIT), strokes(0.02, 0.0, 2, SERVO, LIMIT)
+    return Search(Evidence([large]), Judge(Evidence([small])))
 
 
 @pytest.mark.slow
 def test_a_servo_and_a_limit_are_found_together_where_nothing_passes_alone(search):
-    search = Alone(search.evidence, search.judge)
+    """The limit alone gains nothing on small strokes, and the servo alone takes the limit for its own slowness."""
     state = search.start(World(pendulum().source))
-    best, *_ = search.offers(state)
+    best, *others = search.offers(state)
+    alone = [t for t in others if not t.score.beside]
+    assert {"servo", "goal_rate_limit"} <= {t.score.placed.effect for t in alone} and all(t.rejected for t in alone)
     assert not best.rejected and {e.effect for e in best.score.members} == {"servo", "goal_rate_limit"}
     assert best.score.label.endswith("(hinge)") and search.judge.mean(best.loss) < 1.2
     found = {e.effect: e for e in best.fit.world.effects}

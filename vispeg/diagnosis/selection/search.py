@@ -10,7 +10,6 @@ import numpy as np
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.rivals import replaced
-from vispeg.diagnosis.evidence.localise import MissingTorque
 from vispeg.diagnosis.evidence.screen import candidates, groups
 from vispeg.diagnosis.findings import Score, Trial
 from vispeg.diagnosis.progress import Progress
@@ -114,17 +113,23 @@ class Search(Loop, Shown, Proposals):
         """Screen the library against the state, fit and judge the best candidates; those that pass come first.
 
         1. In the first step, the set of effects that the torques propose, as one candidate.
-        2. Effects at all places, several linear effects at once and, unless 1 passed, groups: one kind of effect that
-           every arm has, in all joints.
+        2. Effects at all places, if the best promises enough; several linear effects at once and, unless 1 passed,
+           groups: one kind of effect that every arm has, in all joints. A group is fitted only if no effect alone
+           promises nearly as much.
         3. If nothing passed, or only candidates at a bound (`accept.sound`): pairs of distant effects in the joint that
            misses most.
         """
         missing = self.missing(state.world)
         places = self.places(state.world)
-        state.screening = []
         proposed = self._try_proposed(state, len(places)) if state.fit is None else []
-        common = [] if passes(proposed) else self._common_groups(state)
-        trials = self.try_places(state, places, missing, common, several=not passes(proposed))
+        alone = passes(proposed)
+        common = [] if alone else self._common_groups(state)
+        scores = self.screened(state.world, state.residual, state.fit, places, missing, common, several=not alone)
+        best_alone = max((s.gain for s in scores if not s.beside), default=0.0)
+        scores = [s for s in scores if not s.beside or best_alone < (1.0 - RULES.tie) * s.gain]
+        state.screening = scores
+        promises = bool(scores) and scores[0].gain / self.evidence.count >= RULES.promise * self.least_drop(state)
+        trials = self.try_all(state, scores[: RULES.fitted], len(places)) if promises else []
         trials = in_order(self.judge, state, trials + proposed) if proposed else trials
         if not passes(trials):
             trials = self.try_all(state, pairs(self, state, missing)[: RULES.fitted], len(places)) + trials
@@ -160,26 +165,6 @@ class Search(Loop, Shown, Proposals):
         added = [best.score for best, _ in state.steps if len({e.where for e in best.score.members}) > 1]
         done = {effect(e.effect).common for score in added for e in score.beside}
         return groups(self.evidence, state.world, done)
-
-    def try_places(
-        self,
-        state: State,
-        places: Sequence[tuple[str, str]],
-        missing: Sequence[MissingTorque],
-        groups: Sequence[Sequence[tuple[str, str]]],
-        several: bool,
-    ) -> list[Trial]:
-        """Screen these places and groups, fit and judge those that promise enough; those that pass come first.
-
-        A group is fitted only if no effect alone promises nearly as much. Arguments are as in `screened`.
-        """
-        scores = self.screened(state.world, state.residual, state.fit, places, missing, groups, several)
-        best_alone = max((s.gain for s in scores if not s.beside), default=0.0)
-        scores = [s for s in scores if not s.beside or best_alone < (1.0 - RULES.tie) * s.gain]
-        state.screening += scores
-        if not scores or scores[0].gain / self.evidence.count < RULES.promise * self.least_drop(state):
-            return []
-        return self.try_all(state, scores[: RULES.fitted], len(places))
 
     def least_drop(self, state: State) -> float:
         """Return the drop of the fitted mean squared residual that a step needs.
