@@ -12,6 +12,7 @@ from logged import JOINTS, STYLES, TAU, TIME, TRUTH, N, Q, numbered, write_table
 from typed import convert
 
 from vispeg.core.errors import UserError
+from vispeg.core.notes import Note
 from vispeg.recordings.importers.guess.names import meaning
 from vispeg.recordings.importers.guess.propose import Proposal, joint_columns, own_names
 from vispeg.recordings.load import load
@@ -127,6 +128,34 @@ def test_a_guess_is_confirmed_or_nothing_is_written(tmp_path, monkeypatch, capsy
         assert (tmp_path / "rig").exists() == there, answer
     with pytest.raises(UserError, match="map is given already"):
         convert(file, "iiwa14", guess=True, map=tmp_path / "m.yaml")
+
+
+def test_a_joint_whose_columns_are_empty_is_held_and_the_torques_of_the_others_stay(tmp_path, capsys):
+    """joint7 has no angle, joint6 no torque; and no warning of NumPy about empty columns is shown."""
+    columns = {"time": TIME} | numbered("q_{}", Q, 1) | numbered("tau_{}", TAU, 1)
+    columns["q_7"] = columns["tau_6"] = [""] * N
+    file = write_table(tmp_path / "log.csv", columns)
+    with pytest.warns(UserWarning, match="lacks 1 of the robot's joints") as warned:
+        assert convert(file, "iiwa14", tmp_path / "rig", guess=True, yes=True, torque_sensor="joint") == 0
+    assert all(issubclass(w.category, Note) for w in warned)
+    said, rec = capsys.readouterr().out, load(tmp_path / "rig")
+    assert "tau.joint6: none" in said and "not used: q_7 (no readings)" in said
+    assert "not used: tau_7 (its joint has no measured angle)" in said
+    assert rec.joints == JOINTS[:6] and np.isnan(rec.tau[:, 5]).all()
+    assert np.allclose(rec.q, Q[:, :6]) and np.allclose(rec.tau[:, :5], TAU[:, :5])
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_one_infinite_angle_is_named_and_changes_no_unit(tmp_path, capsys):
+    columns = {"time": TIME} | numbered("q_{}", Q, 1)
+    columns["q_2"] = np.where(np.arange(N) == 7, np.inf, Q[:, 1])
+    file = write_table(tmp_path / "log.csv", columns)
+    assert convert(file, "iiwa14", guess=True) == 0
+    said = capsys.readouterr().out
+    assert "q.joint2: {column: q_2, unit: rad}" in said and "row 9, column q.joint2: is infinite" in said
+    first = write_table(tmp_path / "first.csv", {name: values[:1] for name, values in columns.items()})
+    with pytest.raises(UserError, match="no column looks like the time"):
+        convert(first, "iiwa14", guess=True)
 
 
 def test_doubts_are_said(tmp_path, capsys):

@@ -42,7 +42,7 @@ def straightened(
             good = rows[np.isfinite(q[rows, j])]
             if len(good) and np.ptp(q[good, j]) <= TURN + SLACK:  # angles that span more than a turn do not wrap
                 out[good, j] = _into(_unwrapped(q[good, j]), *limits[j])
-    return out, np.any(np.nan_to_num(out - q), axis=0)
+    return out, np.any((out != q) & np.isfinite(q), axis=0)
 
 
 def beside(goal: np.ndarray, q: np.ndarray, episode: np.ndarray | None = None) -> np.ndarray:

@@ -37,6 +37,7 @@ NAMES = {"q": "measured angle", "dq": "measured speed", "tau": "measured torque"
 SECONDS, NANOS = ("s", "sec", "secs", "seconds"), ("ns", "nsec", "nsecs", "nanosec", "nanos", "nanoseconds")
 SIGNALS = ("q", "dq", "tau")  # quantities that are read, measured or commanded
 SHOWN = 8  # numbers shown of a row
+NO_READING = "no readings"
 ORDER = ("q", "dq", "tau", "tau_cmd", "q_cmd", "dq_cmd")  # of the map's lines
 
 
@@ -160,6 +161,10 @@ def propose(
         if m.name in table.mixed and m.quantity in (*SIGNALS, "time", "episode"):
             table.number(m.name)  # raises: its cells that are not numbers are no reason to do without the others
     numeric = [m for m in meanings if m.name in table.columns]
+    silent = {m.name for m in numeric if not np.isfinite(table.columns[m.name]).any()}
+    out.unused |= dict.fromkeys(silent, NO_READING)
+    # a joint without torque may be in a recording, one without angles cannot
+    numeric = [m for m in numeric if m.name not in silent or (m.quantity in ("tau", "current") and not m.commanded)]
     groups = _groups([m for m in numeric if m.quantity in SIGNALS])
     chosen = _chosen(groups, out)
     if "tau" not in chosen:
@@ -176,13 +181,18 @@ def propose(
     if "q_cmd" not in placed and (goals := _goals(table, numeric, placed["q"], joints, order)):
         placed["q_cmd"] = goals
     for signal in [s for s in placed if s != "q"]:
+        found = placed[signal]
+        out.unused |= {found[j].name: "its joint has no measured angle" for j in found if j not in out.joints}
+        placed[signal] = {j: m for j, m in found.items() if j in out.joints}
         if set(placed[signal]) != set(out.joints):
             lacking = [j for j in out.joints if j not in placed[signal]]
             out.doubts.append(f"{NAMES[signal]}s are not there for every joint (not {', '.join(lacking)}): left out")
             out.unused |= {m.name: "not there for every joint" for m in placed.pop(signal).values()}
     if "tau" in placed and all(values.span(table.columns[m.name])[0] >= 0 for m in placed["tau"].values()):
         out.unused |= {
-            m.name: "never negative: the size of a torque without its sign" for m in placed.pop("tau").values()
+            m.name: "never negative: the size of a torque without its sign"
+            for m in placed.pop("tau").values()
+            if m.name not in silent
         }
     places = [list(joints).index(joint) for joint in out.joints]
     selected = Limits(limits.range[places], limits.velocity[places], limits.torque[places])
@@ -208,6 +218,9 @@ def propose(
         unit = units[signal]
         for joint, tick, low_end in zip(out.joints, ticks, selected.range[:, 0], strict=True):
             m = placed[signal][joint]
+            if m.name in silent:
+                out.lines.append(Line(f"{signal}.{joint}", "", "", f"{NAMES[signal]}: {NO_READING}", "measured"))
+                continue
             low, high = values.span(table.columns[m.name])
             called = m.said if m.by == "other" else f"{m.said!r}{' of ' + repr(m.label) if m.label else ''}"
             words = f"{NAMES[signal]}: {called}, {low:.4g} to {high:.4g}"
@@ -484,7 +497,9 @@ def _bare(labels: list[str]) -> list[str]:
 
 
 def _stack(table: Table, columns: list[Meaning]) -> np.ndarray:
-    return np.stack([table.columns[m.name] for m in columns], axis=1)
+    """Return the columns as one array (n, nj); an infinite reading, which tells nothing about a unit, is missing."""
+    stack = np.stack([table.columns[m.name] for m in columns], axis=1)
+    return np.where(np.isfinite(stack), stack, np.nan)
 
 
 def _time(

@@ -63,7 +63,7 @@ def all_integers(column: np.ndarray) -> bool:
 def increases(column: np.ndarray, even: bool = False) -> bool:
     """Test whether a column increases like a clock, with few restarts; with `even`, also in nearly equal steps."""
     step = np.diff(column)
-    if not even:
+    if len(step) and not even:
         step = step[step != 0] if np.mean(step != 0) > 0.5 else step  # loggers write rows twice
     if len(step) < 2 or not np.isfinite(step).all() or np.mean(step > 0) < 0.97:
         return False
@@ -140,7 +140,7 @@ def _torque(unit: str, values: np.ndarray, limits: Limits, doubts: list[str]) ->
     """Return the unit of torques, as `_angle`."""
     if unit in ("N m", "mNm", "N cm"):
         return _named(unit)
-    peak = np.nanmax(np.abs(values), axis=0)
+    peak = np.nanmax(np.abs(values), axis=0, initial=0.0)
     finite = np.isfinite(limits.torque)
     if finite.any() and np.all(peak[finite] < 5e-3 * limits.torque[finite]):
         doubts.append("torques are under 0.5 % of the joints' limits: is their unit N m?")
