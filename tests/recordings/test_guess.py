@@ -152,7 +152,7 @@ def test_one_infinite_angle_is_named_and_changes_no_unit(tmp_path, capsys):
     file = write_table(tmp_path / "log.csv", columns)
     assert convert(file, "iiwa14", guess=True) == 0
     said = capsys.readouterr().out
-    assert "q.joint2: {column: q_2, unit: rad}" in said and "row 9, column q.joint2: is infinite" in said
+    assert "q.joint2: {column: q_2, unit: rad}" in said and "row 9, column q_2 (q.joint2): is infinite" in said
     first = write_table(tmp_path / "first.csv", {name: values[:1] for name, values in columns.items()})
     with pytest.raises(UserError, match="no column looks like the time"):
         convert(first, "iiwa14", guess=True)

@@ -472,7 +472,7 @@ def test_a_row_behind_repeated_ones_is_told_by_its_number_in_the_file(tmp_path, 
     mapping = map_from({f"q.{joint}": f"q_{j}" for j, joint in enumerate(JOINTS)}, file, JOINTS)
     with (
         pytest.warns(UserWarning, match="1 row left out"),
-        pytest.raises(UserError, match="row 402, column q.lift_joint"),
+        pytest.raises(UserError, match=r"row 402, column q_1 \(q\.lift_joint\): is infinite"),
     ):
         convert(file, arm, tmp_path / "rig", mapping=mapping)
 

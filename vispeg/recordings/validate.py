@@ -22,7 +22,7 @@ def check_finite(table: Table, values: np.ndarray, columns: list[str]) -> None:
     place = _first(values, np.isinf)
     if place is not None:
         row, column = place
-        raise UserError("is infinite", file=table.file, key=f"{table.row(row)}, column {columns[column]}")
+        raise UserError("is infinite", file=table.file, key=f"{table.row(row)}, {table.column(columns[column])}")
 
 
 def _first(values: np.ndarray, wrong: Callable[[np.ndarray], np.ndarray]) -> tuple[int, int] | None:
@@ -54,7 +54,7 @@ def check_share(table: Table, values: np.ndarray, columns: list[str]) -> None:
         raise UserError(
             f"{missing[worst]:.1%} of the readings are missing ({gap})",
             file=table.file,
-            key=f"column {columns[worst]}",
+            key=table.column(columns[worst]),
             expected=f"at most {MOST:.0%}: cut the recording there, or record it again",
         )
 
@@ -67,7 +67,7 @@ def check_angles(table: Table, values: np.ndarray, columns: list[str]) -> None:
         raise UserError(
             "looks like degrees",
             file=table.file,
-            key=f"{table.row(row)}, column {columns[column]}",
+            key=f"{table.row(row)}, {table.column(columns[column])}",
             expected="radians, at most two turns",
             got=float(values[row, column]),
         )

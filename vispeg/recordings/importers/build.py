@@ -67,7 +67,8 @@ def build(
     rate = 1.0 / float(np.median(steps)) if len(steps) else 1.0
     data = {"format": FORMAT, "robot": robot, "joints": joints_of(joints, mapping), "rate_hz": _rounded(rate)}
     data |= {"notes": f"imported from {source.name}"} | dict(mapping.recording)
-    table = Table(source, columns, list(columns), len(columns["time"]), numbers)
+    origin = {target: column.name for target, column in mapping.columns.items() if column.name}
+    table = Table(source, columns, list(columns), len(columns["time"]), numbers, origin=origin)
     if table.rows == 0:
         raise UserError("holds no samples", file=source)
     return assemble(header_from(data, mapping.file or source), table, Path(source.stem), mapping.file or source)

@@ -6,7 +6,7 @@ memory than its numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, time
 from pathlib import Path
@@ -50,6 +50,7 @@ class Table:
         mixed: names of those text columns that hold numbers too.
         comments: the lines before the header, as text.
         dates: names of those columns whose cells are dates or times of day, which became s (`as_seconds`).
+        origin: name -> name in the file, of columns that a map renamed.
     """
 
     file: Path
@@ -61,6 +62,12 @@ class Table:
     comments: tuple[str, ...] = ()
     mixed: frozenset[str] = frozenset()
     dates: frozenset[str] = frozenset()
+    origin: Mapping[str, str] = field(default_factory=dict)
+
+    def column(self, name: str) -> str:
+        """Name a column as in messages: as it is in the file, and what it was mapped to."""
+        origin = self.origin.get(name, name)
+        return f"column {name}" if origin == name else f"column {origin} ({name})"
 
     def row(self, index: int | np.integer) -> str:
         """Name the sample at `index` as in messages."""
