@@ -8,7 +8,7 @@ from typed_record import mistakes
 from vispeg.cli.main import main
 from vispeg.evaluation.bridge import HARMLESS, NOT_SHOWN, UNBRIDGEABLE, bridge, matters
 from vispeg.evaluation.bridging import diagnosis_of
-from vispeg.evaluation.prices import Prices, ranked, steps, training_of
+from vispeg.evaluation.prices import Prices, ranked, recording_step, steps, training_of
 from vispeg.evaluation.schema.explain import ExplainRecord
 from vispeg.evaluation.statistics import Estimate, tango
 from vispeg.trials.trial import folders
@@ -74,7 +74,8 @@ def priced(training, **gains):
     some = {"gap": 0.4, "left": 0.3, "causes": 0.1, "remainder": 0.2} | gains
     intervals = {k: None if v is None else interval(v, v - 0.1, v + 0.1) for k, v in some.items()}
     motion = {"motion": "triangle", "duration_s": 36.0}
-    return steps(Prices(), training, trial_s=6.0, motion=motion, commands={}, **intervals)
+    recording = recording_step(Prices(), intervals.pop("left"), 6.0, motion, "")
+    return steps(Prices(), training, recording=recording, trial_s=6.0, commands={}, **intervals)
 
 
 def test_prices_are_hours_of_what_was_measured_and_what_was_stated(tmp_path):

@@ -241,23 +241,23 @@ def said(
     trial_s = float(np.median([t.said.outcome.time_s for t in trials]))
     motion = (diagnosis or {}).get("next_experiment")
     together = record["causes"][-1] if record["causes"] else None
+    next_motion = motion if isinstance(motion, dict) else None
+    recording = prices.recording_step(work, record["left"], trial_s, next_motion, commands.get("record", ""))
     record["steps"] = prices.steps(
         work,
         training,
+        recording=recording,
         gap=record["gap"],
-        left=record["left"],
         causes=None if together is None else together["cost"],
         remainder=None if record["remainder"] is None else record["remainder"]["cost"],
         trial_s=trial_s,
-        motion=motion if isinstance(motion, dict) else None,
         commands=commands,
     )
     doubtful = {e.label for e in named if e.partial or e.tentative} | _indistinguishable(diagnosis)
-    record_step = next(s for s in record["steps"] if s["step"].startswith("record"))
     for cause in record["causes"]:
         unsure = cause["effect"] in doubtful and cause["effect"] != TOGETHER
-        cause["cure"] = record_step["step"] if unsure else "fine-tune in a world that has it"
-        cause["hours"] = record_step["hours"] if unsure else training.hours
+        cause["cure"] = recording["step"] if unsure else "fine-tune in a world that has it"
+        cause["hours"] = recording["hours"] if unsure else training.hours
 
 
 def _indistinguishable(diagnosis: Mapping[str, Any] | None) -> set[str]:

@@ -73,16 +73,34 @@ def training_of(policy: Path | None, prices: Prices) -> Training:
     return Training(None, "the policy's training time is not known: --training-hours states it")
 
 
+def recording_step(
+    prices: Prices, left: Interval, trial_s: float, motion: Mapping[str, Any] | None, command: str
+) -> Step:
+    """Return the step that records a motion and diagnoses it.
+
+    Args:
+        prices: hours of a person's work.
+        left: success from the trials' starts in a simulation with all causes minus that of the robot.
+        trial_s: median duration of a trial, s.
+        motion: `next_experiment` of the diagnosis, or None.
+        command: what records it; empty if there is none.
+    """
+    seconds = float((motion or {}).get("duration_s") or trial_s)
+    name = str((motion or {}).get("motion") or "a motion in free air")
+    hours = RECORDINGS * (prices.minutes_per_recording * MINUTE + seconds) / HOUR
+    source = f"{RECORDINGS} recordings of {seconds:.0f} s, {prices.minutes_per_recording:g} min of setup each (stated)"
+    return _step(f"record {name}, diagnose", left, hours, source, command)
+
+
 def steps(
     prices: Prices,
     training: Training,
     *,
+    recording: Step,
     gap: Interval,
-    left: Interval,
     causes: Interval | None,
     remainder: Interval | None,
     trial_s: float,
-    motion: Mapping[str, Any] | None,
     commands: Mapping[str, str],
 ) -> list[Step]:
     """Return the next steps, ordered by gain per hour; steps of unknown hours come last.
@@ -90,19 +108,14 @@ def steps(
     Args:
         prices: hours of a person's work.
         training: hours of fine-tuning.
+        recording: the step of a further recording, `recording_step`.
         gap: success from the trials' starts in simulation minus that of the robot.
-        left: the same difference with all causes in the simulation.
         causes: loss of success due to all causes together; None if there are none.
         remainder: loss of success due to the unexplained torque; None if not played.
         trial_s: median duration of a trial, s.
-        motion: `next_experiment` of the diagnosis, or None.
-        commands: command of each of `record`, `demonstrations`, `causes` and `remainder`, where there is one.
+        commands: command of each of `demonstrations`, `causes` and `remainder`, where there is one.
     """
-    seconds = float((motion or {}).get("duration_s") or trial_s)
-    name = str((motion or {}).get("motion") or "a motion in free air")
-    hours = RECORDINGS * (prices.minutes_per_recording * MINUTE + seconds) / HOUR
-    source = f"{RECORDINGS} recordings of {seconds:.0f} s, {prices.minutes_per_recording:g} min of setup each (stated)"
-    made = [_step(f"record {name}, diagnose", left, hours, source, commands.get("record", ""))]
+    made = [recording]
     each = max(prices.minutes_per_demonstration, trial_s / MINUTE)  # min
     hours, source = prices.demonstrations * each / MINUTE, f"{prices.demonstrations} of {each:.2g} min (stated)"
     if training.hours is None:
