@@ -28,10 +28,10 @@ START = hinge("viscous_friction", damping=0.1).add(*hinge("coulomb_friction", to
 
 
 @lru_cache
-def motion(pace: float = 1.0, seconds: float = 1.6):
-    """A soft servo on two sines that start at rest."""
+def motion(pace: float = 1.0, seconds: float = 1.6, size: float = 1.0):
+    """A soft servo on two sines that start at rest; `size` scales them."""
     time = np.arange(round(200 * seconds)) / 200.0
-    parts = [(0.5, 2 * np.pi * 0.8 * pace), (0.15, 2 * np.pi * 2.1 * pace)]
+    parts = [(0.5 * size, 2 * np.pi * 0.8 * pace), (0.15 * size, 2 * np.pi * 2.1 * pace)]
     goal = sum(a * (1 - np.cos(w * time)) for a, w in parts)
     rate = sum(a * w * np.sin(w * time) for a, w in parts)
     gains = {"rate": 200.0, "kp": 40.0, "kd": 4.0}
@@ -132,6 +132,28 @@ def test_more_data_narrows_the_interval():
     short = fit(evidence(TRUTH, 1), START)
     long = fit(evidence(TRUTH, 1, [motion(pace) for pace in (0.8, 0.9, 1.0, 1.1)]), START)
     assert (long.sigma < 0.8 * short.sigma).all()
+
+
+def test_errors_between_recordings_are_those_of_fits_that_leave_one_out():
+    """An effect that differs between recordings: to first order, as refits to all recordings but one say."""
+    dampings, paces = (0.5, 0.9, 0.6, 0.8), (0.8, 0.9, 1.0, 1.1)
+    worlds = [
+        hinge("viscous_friction", damping=d).add(*hinge("coulomb_friction", torque=0.4).effects) for d in dampings
+    ]
+    pairs = enumerate(zip(worlds, paces, strict=True))
+    recordings = [recorded(ROBOT, ROBOT.source, w, motion(p), stream(9, i), h_max=2.5e-3) for i, (w, p) in pairs]
+    together = fit(Evidence(recordings, h_max=2.5e-3), START)
+    without = [fit(Evidence(recordings[:k] + recordings[k + 1 :], h_max=2.5e-3), START).u for k in range(4)]
+    spread = np.sqrt(3 / 4 * np.sum((np.array(without) - np.mean(without, axis=0)) ** 2, axis=0))
+    np.testing.assert_allclose(together.sigma, spread, rtol=0.15)
+
+
+def test_a_recording_that_alone_tells_nothing_does_not_widen_intervals():
+    """A joint that hardly moves does not determine its friction; three other recordings do as well with it."""
+    segments = [motion(pace) for pace in (0.8, 0.9, 1.0)]
+    alone = fit(evidence(TRUTH, 1, segments), START)
+    beside = fit(evidence(TRUTH, 1, [*segments, motion(size=1e-3)]), START)
+    assert (beside.sigma < 1.3 * alone.sigma).all()
 
 
 def test_an_incomplete_model_says_so_in_its_cost_and_its_intervals():

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -265,9 +266,9 @@ def _uncertainty(
 
     The errors are from the cluster-robust sandwich covariance over blocks of time (block form of Newey and West,
     Econometrica 55(3), 1987). They are at least the ordinary ones, which are widened for misfit (a mean squared
-    residual above 1) and for correlated noise (`evidence.correlated`), and at least those from the scatter of estimates
-    from single items. The correlation matrix is that of the ordinary covariance, (J'J)^-1. `r` (n,) and `jac`
-    (n, naxis) are residual and derivatives at the solution.
+    residual above 1) and for correlated noise (`evidence.correlated`), and at least those of the jackknife over items.
+    The correlation matrix is that of the ordinary covariance, (J'J)^-1. `r` (n,) and `jac` (n, naxis) are residual and
+    derivatives at the solution.
     """
     n = jac.shape[1]
     info = jac.T @ jac
@@ -281,7 +282,7 @@ def _uncertainty(
     sandwich = np.diag(inverse @ (score.T @ score) @ inverse)
     ordinary = np.diag(inverse) * max(1.0, evidence.chi2(r)) * evidence.correlated
     variance = np.maximum(sandwich, ordinary)
-    spread = _between(evidence, r, jac)
+    spread = _jackknife(evidence, r, jac)
     sigma = np.sqrt(np.maximum(variance, spread**2))
     names = [f"{space.world.effects[a.index].label}.{a.name}" for a in space.axes]
     weak = [names[i] for i in range(n) if info[i, i] < 1.0]  # uncertain by over a unit, even if all others were known
@@ -290,14 +291,21 @@ def _uncertainty(
     return sigma, inverse / np.outer(root, root), tuple(dict.fromkeys(weak))
 
 
-def _between(evidence: Evidence, r: np.ndarray, jac: np.ndarray) -> np.ndarray:
-    """Return the standard error (naxis,) of the mean of estimates from single items, to first order; 0 for one item."""
-    shifts, start = [], 0
-    for item in evidence.items:
-        rows = slice(start, start + item.measured.size)
-        start += item.measured.size
-        shift, *_ = np.linalg.lstsq(jac[rows], -r[rows], rcond=1e-6)
-        shifts.append(shift)
-    if len(shifts) < 2:
+def _jackknife(evidence: Evidence, r: np.ndarray, jac: np.ndarray) -> np.ndarray:
+    """Return the standard error (naxis,) from fits that leave out one item each, to first order; 0 for one item.
+
+    An item may be too short or too quiet to determine all coordinates by itself; the others together do. Source of the
+    jackknife: Efron and Stein, Annals of Statistics 9(3), 1981.
+    """
+    edges = np.cumsum([0, *(item.measured.size for item in evidence.items)])
+    pieces = [(jac[a:b], r[a:b]) for a, b in pairwise(edges)]
+    if len(pieces) < 2:
         return np.zeros(jac.shape[1])
-    return np.std(shifts, axis=0, ddof=1) / np.sqrt(len(shifts))
+    info, slope = jac.T @ jac, jac.T @ r
+    scale = np.sqrt(np.maximum(np.diag(info), 1e-12))
+    shifts = []
+    for own, left in pieces:
+        rest = (info - own.T @ own) / np.outer(scale, scale)
+        shifts.append(-np.linalg.lstsq(rest, (slope - own.T @ left) / scale, rcond=1e-8)[0] / scale)
+    n = len(shifts)
+    return np.sqrt((n - 1) / n * np.sum((np.array(shifts) - np.mean(shifts, axis=0)) ** 2, axis=0))
