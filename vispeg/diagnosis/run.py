@@ -187,6 +187,7 @@ def diagnose(
             *(note for note in judged.notes if note not in evidence.notes),
             *coarse_encoders(fitted[0], judged, final),
             *_noise_note(fed_back),
+            *_odd_note(evidence, state.world),
             *(c.said() for c in changing),
         ],
     }
@@ -232,3 +233,16 @@ def _noise_note(fed_back: float) -> list[str]:
     moved = f"move the arm by {np.sqrt(fed_back):.2g} times the encoders' noise"
     text = f"noise that is fed back, and where in a coarse encoder's step the arm began, {moved}"
     return [text + ": the right model too is that far off"]
+
+
+def _odd_note(evidence: Evidence, world: World) -> list[str]:
+    """Return a note on the fitted pieces that the model describes far worse than most (`Evidence.weigh`)."""
+    squares = evidence.squares(evidence.residuals([world])[0])
+    errors = [s.sum() / i.valid.sum() for s, i in zip(squares, evidence.items, strict=True)]
+    usual = max(1.0, float(np.median(errors)))
+    odd = [
+        f"{i.name} (error {(e / usual) ** 0.5:.2g} times the median)"
+        for i, e in zip(evidence.items, errors, strict=True)
+        if e > RULES.loud * usual
+    ]
+    return [f"described far worse than the others, so counted like them: {', '.join(odd)}"] if odd else []

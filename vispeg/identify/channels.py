@@ -64,12 +64,14 @@ class Item:
         segment: its samples, commands and controller.
         robot: the nominal robot with the declared tool and tilt.
         channels: what was measured, the principal channel first.
+        widened: factor of each column's noise in the whitened residual, (nch,), 1 or more (`Evidence.weigh`).
     """
 
     recording: Recording
     segment: Segment
     robot: RobotModel
     channels: tuple[Channel, ...]
+    widened: np.ndarray | float = 1.0
 
     @cached_property
     def measured(self) -> np.ndarray:
@@ -80,6 +82,11 @@ class Item:
     def sigma(self) -> np.ndarray:
         """Standard deviation of the noise, (nch,), or (m, nch) where it differs between samples."""
         return np.concatenate([c.sigma for c in self.channels], axis=-1)
+
+    @property
+    def scale(self) -> np.ndarray:
+        """What its error is divided by, as `sigma`: the noise, widened where the model describes the item badly."""
+        return self.sigma * self.widened
 
     @cached_property
     def valid(self) -> np.ndarray:

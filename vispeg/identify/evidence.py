@@ -7,6 +7,7 @@ sensor's placement is stated, and a servo's load. A held-out evidence is one to 
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -273,9 +274,48 @@ class Evidence(Freedom):
     @staticmethod
     def whiten(item: Any, predicted: np.ndarray) -> np.ndarray:
         """Return the whitened residual (m, nch) of one item from its prediction (m, nch)."""
-        r = np.where(item.valid, (item.measured - predicted) / item.sigma, 0.0)
+        r = np.where(item.valid, (item.measured - predicted) / item.scale, 0.0)
         r = np.where(np.isfinite(r), np.clip(r, -PENALTY, PENALTY), PENALTY)
         return r
+
+    def weigh(self, residual: np.ndarray) -> np.ndarray:
+        """Weigh each column of each item by the error that a model leaves in it; return the residual's factors (n,).
+
+        Where the mean squared error over noise is above the median of the column over all items, it counts as one at
+        the median: the noise is widened. `residual` (n,) is that of the model, under the weights so far.
+        """
+        before = self._widened()
+        counts = [np.maximum(item.valid.sum(axis=0), 1) for item in self.items]
+        errors = [total / n for total, n in zip(self.squares(residual), counts, strict=True)]
+        wide = [np.ones_like(e) for e in errors]
+        for pairs in self.columns.values():
+            usual = max(1.0, float(np.median([errors[i][c] for i, c in pairs])))
+            for i, c in pairs:
+                wide[i][c] = max(1.0, errors[i][c] / usual) ** 0.5
+        self.items = [replace(item, widened=w) for item, w in zip(self.items, wide, strict=True)]
+        return before / self._widened()
+
+    @property
+    def weights(self) -> str:
+        """Key of the present weights, with which stored answers about residuals are asked; "" if nothing is weighed."""
+        wide = np.concatenate([np.atleast_1d(item.widened) for item in self.items])
+        return "" if np.all(wide == 1.0) else hashlib.sha256(wide.tobytes()).hexdigest()
+
+    def squares(self, residual: np.ndarray) -> list[np.ndarray]:
+        """Return for each item the summed squared error over noise of each column, (nch,), whatever its weight."""
+        raw, start, out = self.unweighted(residual), 0, []
+        for item in self.items:
+            out.append(np.sum(raw[start : start + item.measured.size].reshape(item.measured.shape) ** 2, axis=0))
+            start += item.measured.size
+        return out
+
+    def unweighted(self, residual: np.ndarray) -> np.ndarray:
+        """Return a residual (n,) in units of the noise, whatever its weights."""
+        return residual * self._widened()
+
+    def _widened(self) -> np.ndarray:
+        """Return the factor (n,) by which the noise of each entry of a residual is widened."""
+        return np.concatenate([np.broadcast_to(i.widened, i.measured.shape).ravel() for i in self.items])
 
     @property
     def length(self) -> int:
@@ -306,7 +346,7 @@ class Evidence(Freedom):
         for item in self.items:
             r = residual[start : start + item.measured.size].reshape(item.measured.shape)
             start += item.measured.size
-            total += float(np.sum((r * item.sigma)[:, : item.nj] ** 2))
+            total += float(np.sum((r * item.scale)[:, : item.nj] ** 2))
             n += int(item.valid[:, : item.nj].sum())
         return float(np.sqrt(total / max(n, 1)))
 

@@ -170,12 +170,10 @@ def continued(rec: Recording) -> Recording:
 
 def shown(evidence: Evidence, world: World) -> list[float]:
     """Return the mean squared whitened residual (error over noise) of each recording; 1 at the noise floor."""
-    residual, start = evidence.residuals([world])[0], 0
     total, count = np.zeros((2, len(evidence.recordings)))
     index = {id(r): k for k, r in enumerate(evidence.recordings)}
-    for item in evidence.items:
+    for item, squares in zip(evidence.items, evidence.squares(evidence.residuals([world])[0]), strict=True):
         k = index[id(item.recording)]
-        total[k] += np.sum(residual[start : start + item.measured.size] ** 2)
+        total[k] += squares.sum()
         count[k] += item.valid.sum()
-        start += item.measured.size
     return (total / np.maximum(count, 1)).tolist()

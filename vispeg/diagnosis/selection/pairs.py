@@ -42,8 +42,8 @@ def pairs(search: Searching, state: State, missing: Sequence[MissingTorque]) -> 
                 rows.append([[_values(e) for e in starts[k]], before - squared[k]])
         return sorted(rows, key=lambda row: -row[1])
 
-    out = []
-    for members, gain in search.progress.recall(["pairs", model_text(state.world), joint], work_out):
+    out, question = [], ["pairs", model_text(state.world), joint, evidence.weights]
+    for members, gain in search.progress.recall(question, work_out):
         first, second = (EffectInstance.of(name, joint, **values) for name, values in members)
         out.append(Score(first, gain, (second,)))
     return [s for s in out if s.gain > 0]

@@ -42,7 +42,7 @@ class Proposals:
     def __init__(self, evidence: Evidence, judge: Judge, progress: Progress):
         self.evidence, self.judge, self.progress = evidence, judge, progress
         self.cross = Cross(Judge(evidence))
-        self._world, self._taken = "", {}  # the last world as text, and signatures relative to it, by probe
+        self._world, self._taken = "", {}  # `_key` of the last world, and signatures relative to it, by probe
         self._whole: dict[str, dict[str, Signature]] = {}  # world -> its signatures, where the whole library has them
         self._alone: dict[str, dict[tuple[str, str], Score | None]] = {}  # world -> scores of places, None without gain
 
@@ -85,9 +85,9 @@ class Proposals:
             return [_stored(s) for s in scores]
 
         asked = [[list(p) for p in group] for group in (places, *groups)]
-        out = [_score(s) for s in self.progress.recall(["screen", model_text(world), asked, several], work_out)]
+        out = [_score(s) for s in self.progress.recall(["screen", self._key(world), asked, several], work_out)]
         alone = {s.key: s for s in out if not s.beside and not s.out}
-        self._alone.setdefault(model_text(world), {}).update(dict.fromkeys(places) | alone)
+        self._alone.setdefault(self._key(world), {}).update(dict.fromkeys(places) | alone)
         return out
 
     def screened_alone(
@@ -102,10 +102,10 @@ class Proposals:
 
         Arguments are as in `screened`.
         """
-        fresh = [p for p in places if p not in self._alone.get(model_text(world), {})]
+        fresh = [p for p in places if p not in self._alone.get(self._key(world), {})]
         if fresh:
             self.screened(world, residual, fit, fresh, missing)
-        scores = self._alone[model_text(world)] if places else {}
+        scores = self._alone[self._key(world)] if places else {}
         return sorted((s for p in places if (s := scores[p]) is not None), key=lambda s: -s.gain)
 
     def swap(self, state: State) -> Score | None:
@@ -117,7 +117,7 @@ class Proposals:
             score = exchanged(Dictionary(residual, taken, fit, self.cross.folds))
             return [] if score is None else [_stored(score)]
 
-        return next(map(_score, self.progress.recall(["swap", model_text(world)], work_out)), None)
+        return next(map(_score, self.progress.recall(["swap", self._key(world)], work_out)), None)
 
     def exchanges(self, state: State) -> list[Exchange]:
         """Return the exchange of each fitted effect: what its removal costs, and what may replace it.
@@ -139,7 +139,7 @@ class Proposals:
             results = exchanges(fitted, self._ground(self.judge, state.world, on_held_out(self.judge, fit), asked))
             return [[e.label, e.costs, list(e.shaken), [_plain(r) for r in e.rivals]] for e in results]
 
-        rows = self.progress.recall(["exchanges", model_text(state.world)], work_out)
+        rows = self.progress.recall(["exchanges", self._key(state.world)], work_out)
         return [
             Exchange(label, costs, tuple(shaken), tuple(EffectInstance.of(n, w, **values) for n, w, values in rivals))
             for label, costs, shaken, rivals in rows
@@ -198,9 +198,13 @@ class Proposals:
         for signature in held:
             yield next(fresh) if signature is None else signature
 
+    def _key(self, world: World) -> str:
+        """Return what answers about a world depend on: the world, and the weights of the fitted recordings."""
+        return model_text(world) + self.evidence.weights
+
     def _turn_to(self, world: World) -> None:
-        """Drop the signatures of other worlds, except those of the last `exchanges`."""
-        text = model_text(world)
+        """Drop the signatures of other worlds and weights, except those of the last `exchanges`."""
+        text = self._key(world)
         if text != self._world:
             self._world, self._taken = text, self._whole.get(text, {})
 

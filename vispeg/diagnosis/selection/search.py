@@ -91,7 +91,10 @@ class Search(Loop, Shown, Proposals):
 
     def start(self, world: World, n_fixed: int | None = None) -> State:
         """Return the state at which a search begins, as `begun`."""
-        return begun(self, world, n_fixed)
+        state = begun(self, world, n_fixed)
+        state.weigh(self.evidence)
+        state.cross = self.cross.loss_of(state.fit, state.residual)
+        return state
 
     def announce(self, state: State) -> None:
         """Report the model and its held-out error."""
@@ -215,4 +218,5 @@ class Search(Loop, Shown, Proposals):
             (fit,) = self.fits([fit.world], state.n_fixed, iterations=3 if fit.converged else 8)
             loss = self.judge.losses([fit.world])[0]
         state.take(fit, loss)
-        state.cross = self.cross.loss_of(fit, fit.residual)
+        state.weigh(self.evidence)
+        state.cross = self.cross.loss_of(state.fit, state.residual)

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.findings import Rivals, Score, Trial
+from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit
 from vispeg.worlds.world import World
 
@@ -67,6 +68,14 @@ class State:
     def take(self, fit: Fit, loss: np.ndarray) -> None:
         """Update the state to a fit with its held-out loss."""
         self.world, self.fit, self.loss, self.residual = fit.world, fit, loss, fit.residual
+
+    def weigh(self, evidence: Evidence) -> None:
+        """Weigh the fitted recordings by the errors that the present world leaves in them (`Evidence.weigh`)."""
+        factor = evidence.weigh(self.residual)
+        self.residual = self.residual * factor
+        if self.fit is not None:
+            columns = tuple(c * factor[:, None] for c in self.fit.columns)
+            self.fit = replace(self.fit, residual=self.residual, columns=columns, cost=evidence.chi2(self.residual))
 
     def derivatives(self, out: Sequence[EffectInstance] = ()) -> np.ndarray | None:
         """Return the derivatives (n, k) of the fit to its coordinates, without those of the effects `out`.

@@ -105,7 +105,8 @@ def fit_all(
                 race.turn()
 
     widths = [None if c is None else c.shape[1] for c in constant]
-    question = ["fits", [model_text(w) for w in worlds], n_fixed, races is not None, iterations, widths]
+    asked = [model_text(w) for w in worlds]
+    question = ["fits", asked, n_fixed, races is not None, iterations, widths, evidence.weights]
     return recalled(evidence, progress, question, len(worlds), job, turn)
 
 
