@@ -14,7 +14,22 @@ import numpy as np
 WEIGHT = 0.55
 
 
-def motor_step(theta, omega, tau, x, offset, compliance, relaxation, inertia):
+def coasting(x, before):
+    """Predict the link's mean velocity over the coming step if the gear transmits nothing in it, (nsim, nj) rad/s.
+
+    `Plant` is a leapfrog: the velocity in the middle of a step is that in the middle of the last one, plus the mean of
+    the two steps' torques over the inertia. So `x.ddq` contains the gear's last two torques, and of those without which
+    the link would coast, the last still acts for half a step and cancels; the one before it remains. With the last in
+    its place the step lags its own torque, and light links under stiff teeth become unstable (1 ms, iiwa14's wrist).
+
+    Args:
+        x: the state of the batch.
+        before: (nsim, nj) N m, this gear's torque in the last step but one.
+    """
+    return x.dq + 0.5 * x.h * (x.ddq - before / x.inertia)
+
+
+def motor_step(theta, omega, tau, x, link, offset, compliance, relaxation, inertia):
     """Advance the rotor by a step: `J d(omega)/dt = tau - s`, `s = (delta + relaxation d(delta)/dt) / compliance`.
 
     `delta = theta - q - offset` is the stretch. All arrays are (nsim, nj).
@@ -23,6 +38,7 @@ def motor_step(theta, omega, tau, x, offset, compliance, relaxation, inertia):
         theta, omega: motor angle and velocity divided by the gear ratio, rad and rad/s.
         tau: motor torque, N m.
         x: the state of the batch.
+        link: the link's mean velocity over the step without this gear's torque, see `coasting`, rad/s.
         offset: stretch at which the spring is slack, rad (half of a free play, with the side's sign).
         compliance: rad/(N m), above 0.
         relaxation: time constant of the gear's damping, s.
@@ -33,7 +49,6 @@ def motor_step(theta, omega, tau, x, offset, compliance, relaxation, inertia):
     """
     ratio = inertia / x.inertia
     lag = WEIGHT * x.h + relaxation
-    link = x.dq + 0.5 * x.h * (x.ddq - x.tau / x.inertia)  # mean link velocity without the new gear torque
     delta = theta - x.q - offset
     momentum = 2.0 * inertia * compliance / x.h
     # mean rate of the stretch, from the rotor's equation over the step: 2 J (mean - omega) / h = tau - gear

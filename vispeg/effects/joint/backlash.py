@@ -12,7 +12,7 @@ import numpy as np
 
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
-from vispeg.effects.common.gear import free_step, motor_step
+from vispeg.effects.common.gear import coasting, free_step, motor_step
 
 # s, damping of the teeth in contact over their stiffness. A recording hardly tells it, so it is not fitted: half or
 # double of it changes the angles of the iiwa14's joints 2 and 4 by 3 % of a gap of 0.6 mrad (RMS in 2 s).
@@ -53,21 +53,25 @@ class Backlash(Effect):
     def start(self, x, p):
         side = np.where(x.tau >= 0, 0.5, -0.5)
         loose = p["gap"] > 0
-        return {"theta": x.q + side * p["gap"] + loose * p["compliance"] * x.tau, "omega": x.dq.copy()}
+        theta = x.q + side * p["gap"] + loose * p["compliance"] * x.tau
+        return {"theta": theta, "omega": x.dq.copy(), "gear": x.tau.copy(), "before": x.tau.copy()}
 
     def drive(self, state, tau, x, p):
         loose, inertia, half = p["gap"] > 0, p["motor_inertia"], 0.5 * p["gap"]
         theta0, omega0 = state["theta"], state["omega"]
         theta, omega = free_step(theta0, omega0, tau, x, inertia)
-        free_delta = theta - x.q - x.h * x.dq  # `delta` at the end of a free step
+        link = coasting(x, state["before"])
+        free_delta = theta - x.q - x.h * link  # `delta` at the end of a free step
         offset = np.where(free_delta > half, half, -half)
         hit_theta, hit_omega, gear = motor_step(
-            theta0, omega0, tau, x, offset, p["compliance"], TOOTH_RELAXATION, inertia
+            theta0, omega0, tau, x, link, offset, p["compliance"], TOOTH_RELAXATION, inertia
         )
         touching = (np.abs(free_delta) > half) & (gear * offset > 0)  # teeth push, they never pull
         state["theta"] = np.where(touching, hit_theta, theta)
         state["omega"] = np.where(touching, hit_omega, omega)
-        return np.where(loose, np.where(touching, gear, 0.0), tau)
+        state["before"] = state["gear"]
+        state["gear"] = np.where(loose, np.where(touching, gear, 0.0), tau)
+        return state["gear"]
 
     def observe(self, state, q, dq, x, p):
         loose = p["gap"] > 0

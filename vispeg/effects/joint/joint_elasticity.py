@@ -12,7 +12,7 @@ import numpy as np
 
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
-from vispeg.effects.common.gear import motor_step
+from vispeg.effects.common.gear import coasting, motor_step
 
 
 class JointElasticity(Effect):
@@ -29,16 +29,18 @@ class JointElasticity(Effect):
     }
 
     def start(self, x, p):
-        return {"theta": x.q + p["compliance"] * x.tau, "omega": x.dq.copy(), "gear": x.tau.copy()}
+        theta = x.q + p["compliance"] * x.tau
+        return {"theta": theta, "omega": x.dq.copy(), "gear": x.tau.copy(), "before": x.tau.copy()}
 
     def drive(self, state, tau, x, p):
-        soft = p["compliance"] > 0
-        compliance = np.where(soft, p["compliance"], 1.0)
+        soft, link = p["compliance"] > 0, coasting(x, state["before"])
+        compliance, inertia = np.where(soft, p["compliance"], 1.0), p["motor_inertia"]
         theta, omega, gear = motor_step(
-            state["theta"], state["omega"], tau, x, 0.0, compliance, p["relaxation"], p["motor_inertia"]
+            state["theta"], state["omega"], tau, x, link, 0.0, compliance, p["relaxation"], inertia
         )
-        state["theta"], state["omega"], state["gear"] = theta, omega, gear
-        return np.where(soft, gear, tau)
+        state["theta"], state["omega"], state["before"] = theta, omega, state["gear"]
+        state["gear"] = np.where(soft, gear, tau)
+        return state["gear"]
 
     def observe(self, state, q, dq, x, p):
         soft, wound = p["compliance"] > 0, state["theta"] - x.q
