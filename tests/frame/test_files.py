@@ -13,7 +13,15 @@ from pathlib import Path
 import pytest
 
 from vispeg.core.errors import UserError
-from vispeg.core.files import new_folder, remove_abandoned, write_bytes_atomic, write_text_atomic
+from vispeg.core.files import (
+    new_folder,
+    remove_abandoned,
+    reserved,
+    set_aside,
+    write_bytes_atomic,
+    write_files_atomic,
+    write_text_atomic,
+)
 from vispeg.core.marker import MARKER
 
 
@@ -245,6 +253,65 @@ def test_killed_in_the_act_of_replacing_the_old_result_comes_back(tmp_path):
     with new_folder(target, overwrite=True):
         pass
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+ASIDE = """
+import sys, time
+from pathlib import Path
+from vispeg.core.files import set_aside
+from vispeg.core.lock import claimed
+with claimed(sys.argv[1]), set_aside(sys.argv[1], lambda: False):
+    if sys.argv[2:]:
+        Path(sys.argv[1]).mkdir()
+    print("ready", flush=True)
+    sys.stdin.read()
+    raise KeyboardInterrupt
+"""
+
+
+@pytest.mark.parametrize("begun", [[], ["begun"]])
+def test_what_another_process_put_aside_is_left_to_it(tmp_path, begun):
+    """A command on a folder that a run is replacing is refused; the run fails, and its old folder is back."""
+    target = tmp_path / "out"
+    with new_folder(target) as folder:
+        (folder / "x").write_text("old")
+    command = [sys.executable, "-c", ASIDE, str(target), *begun]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
+    with subprocess.Popen(command, cwd=Path(__file__).parents[2], **pipes) as process:
+        assert process.stdout.readline() == "ready\n"
+        before = sorted(tmp_path.rglob("*"))
+        with pytest.raises(UserError, match="writes it since"), reserved(target, True, holds="result"):
+            pass
+        assert sorted(tmp_path.rglob("*")) == before
+        process.stdin.close()
+    assert (target / "x").read_text() == "old" and [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("fault", ["kept", "rename"])
+def test_a_folder_put_aside_is_not_removed_unless_it_is_replaced(tmp_path, monkeypatch, fault):
+    """Neither where it is not known whether the new one is worth keeping, nor where it cannot be put back."""
+    target, rename = tmp_path / "out", os.replace
+    target.mkdir()
+    (target / "x").write_text("old")
+
+    def kept():
+        if fault == "kept":
+            raise PermissionError(13, "Permission denied")
+        return False
+
+    def failing(source, to):
+        if Path(to) == target:
+            raise OSError(5, "Input/output error")
+        rename(source, to)
+
+    with pytest.raises((OSError, UserError)) as raised, set_aside(target, kept):
+        target.mkdir()
+        if fault == "rename":
+            monkeypatch.setattr(os, "replace", failing)
+        raise ValueError
+    (old,) = tmp_path.glob(".out.*.old")
+    assert (old / "x").read_text() == "old"
+    assert fault == "kept" or str(old) in str(raised.value)
 
 
 def test_a_disk_that_is_full_is_said_in_one_line(tmp_path):

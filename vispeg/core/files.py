@@ -47,19 +47,16 @@ def new_folder(
             checkouts), or another process is writing it, or it cannot be written.
     """
     target = Path(path).expanduser().resolve()  # through a link: its target is replaced, not the link
-    refuse(path, overwrite, holds=holds, inputs=inputs)
-    with claimed(path) if holds is not None else nullcontext():
+    with reserved(path, overwrite, holds=holds, inputs=inputs):
         part = _sibling(target)
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
             remove_abandoned(target)
-            recover(target)
-            refuse(path, overwrite, holds=holds)  # again: a folder was recovered, or another process has just finished
             part.mkdir()
         except OSError as error:
             raise UserError(f"cannot be written: {why(error)}", file=path) from error
         try:
-            with _terminable(), _locked(part):
+            with _locked(part):
                 yield part
                 if holds is not None:
                     mark(part, holds)
@@ -76,35 +73,40 @@ def new_folder(
 
 @contextmanager
 def reserved(
-    path: str | Path, overwrite: bool, *, holds: str, inputs: Iterable[str | Path | None] = ()
+    path: str | Path, overwrite: bool, *, holds: str | None, inputs: Iterable[str | Path | None] = ()
 ) -> Iterator[None]:
     """Reserve a folder's name for the body: long work that ends with `new_folder` with the same arguments.
 
     Raises:
         UserError: as `new_folder`, before the body runs.
     """
-    recover(Path(path).expanduser().resolve())
     refuse(path, overwrite, holds=holds, inputs=inputs)
-    with claimed(path), _terminable():
+    with claimed(path) if holds is not None else nullcontext(), _terminable():
+        try:
+            recover(Path(path).expanduser().resolve())  # under the lock: another process may have put a folder aside
+        except OSError as error:
+            raise UserError(f"cannot be written: {why(error)}", file=path) from error
+        refuse(path, overwrite, holds=holds)  # again: a folder was recovered, or another process has just finished
         yield
 
 
 @contextmanager
 def set_aside(path: str | Path, kept: Callable[[], bool]) -> Iterator[None]:
-    """Put a folder aside while the body writes another of its name, for work whose folder is in use from its start.
+    """Move a folder aside while the body makes a new one of the same name, and remove the old one afterwards.
 
-    If the body raises before there is something to keep, the old folder is there again as it was; otherwise it is
-    removed after the body. After a killed process `recover` removes it.
+    For work that, unlike the body of `new_folder`, uses its folder under the final name from the start. If the body
+    raises before the new folder holds something to keep, the old folder is put back in its place. If the process is
+    killed, the next `recover` removes the old folder.
 
     Args:
         path: of the folder, which must exist.
         kept: whether the new folder holds something to keep.
 
     Raises:
-        UserError: the folder cannot be moved.
+        UserError: the folder cannot be moved, or cannot be put back; then the message says where it is.
     """
     target = Path(path).expanduser().resolve()
-    old = _sibling(target, "old")
+    old, failed = _sibling(target, "old"), _sibling(target)
     try:
         os.replace(target, old)
     except OSError as error:
@@ -113,11 +115,17 @@ def set_aside(path: str | Path, kept: Callable[[], bool]) -> Iterator[None]:
         yield
     except BaseException:
         if not kept():
-            shutil.rmtree(target, ignore_errors=True)
-            os.replace(old, target)
-        raise
-    finally:
+            try:
+                if target.exists():
+                    os.replace(target, failed)  # renamed, as its removal could stop half-way
+                os.replace(old, target)
+            except OSError as error:
+                what = f"cannot be put back as it was: {why(error)}; move its content from {old} before the next run"
+                raise UserError(what, file=path) from error
+            shutil.rmtree(failed, ignore_errors=True)
         shutil.rmtree(old, ignore_errors=True)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
 
 
 def refuse(
