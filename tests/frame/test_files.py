@@ -139,6 +139,37 @@ def test_failing_write_leaves_no_part(tmp_path, monkeypatch):
     assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
 
 
+def test_of_several_files_all_are_written_or_none(tmp_path, monkeypatch):
+    """The last rename fails, as in a folder that has just been remounted read-only."""
+    first, second, third = tmp_path / "new" / "mesh", tmp_path / "texture", tmp_path / "model.xml"
+    second.write_bytes(b"old")
+    third.write_bytes(b"old")
+    files, rename = {first: b"1", second: b"2", third: b"3"}, os.replace
+
+    def failing(source, target):
+        if Path(target) == third:
+            raise OSError(30, "Read-only file system")
+        rename(source, target)
+
+    monkeypatch.setattr(os, "replace", failing)
+    with pytest.raises(UserError, match=r"model.xml: cannot be written: Read-only"):
+        write_files_atomic(files, overwrite=True)
+    assert {p: p.read_bytes() for p in tmp_path.iterdir()} == {second: b"old", third: b"old"}
+    monkeypatch.undo()
+    write_files_atomic(files, overwrite=True)
+    assert {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()} == files
+
+
+def test_several_files_are_found_below_the_home_directory(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "mine.xml").write_text("mine")
+    (tmp_path / "meshes").mkdir()
+    for name, said in (("mine.xml", "exists already"), ("meshes", "is a folder")):
+        with pytest.raises(UserError, match=f"{name}: {said}"):
+            write_files_atomic({Path("~") / name: b"new"}, overwrite=False)
+    assert (tmp_path / "mine.xml").read_text() == "mine"
+
+
 WRITER = """
 import signal, sys, time
 from vispeg.core.files import new_folder

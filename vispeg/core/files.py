@@ -204,47 +204,72 @@ def write_files_atomic(files: Mapping[Path, bytes], *, overwrite: bool) -> None:
         UserError: one exists with different content and `overwrite` is False, is a folder, or cannot be written.
     """
     for path, data in files.items():
-        if path.is_dir():
+        target = path.expanduser().resolve()
+        if target.is_dir():
             raise UserError("is a folder", file=path, expected="a file")
-        if path.exists() and not overwrite and path.read_bytes() != data:
+        if target.exists() and not overwrite and target.read_bytes() != data:
             raise UserError("exists already; name another or pass --overwrite", file=path)
     _write(files)
 
 
 def _write(files: Mapping[Path, bytes]) -> None:
-    """Write all files under temporary names, then rename them, so that a full disk leaves nothing behind.
+    """Write all files under temporary names, then rename them; if one fails, each path is as it was before.
 
     Raises:
         UserError: one of them cannot be written.
     """
-    parts: dict[Path, tuple[Path, Path]] = {}  # temporary file -> (path as the caller named it, its resolved form)
+    temporary: list[Path] = []
+    renames: list[tuple[Path, Path, Path, Path | None]] = []  # path, its resolved form, new content, copy of the old
+    renamed: list[tuple[Path, Path | None]] = []  # resolved path, copy of the old content
     new: list[Path] = []  # folders to create, the deepest first
     path = Path()
     try:
         with ExitStack() as locks:
+
+            def begun(target: Path) -> Path:
+                temporary.append(part := _sibling(target))
+                part.touch()
+                locks.enter_context(_locked(part))
+                return part
+
             for path, data in files.items():
                 target = path.expanduser().resolve()
                 new = [folder for folder in target.parents if not folder.exists()] + new
                 target.parent.mkdir(parents=True, exist_ok=True)
                 remove_abandoned(target)
-                part = _sibling(target)
-                parts[part] = path, target
-                part.touch()
-                locks.enter_context(_locked(part))
+                part = begun(target)
                 part.write_bytes(data)
-            for part in parts:
-                path, target = parts[part]  # `path` is named by an error below
+                old = None
+                if target.exists() and len(files) > 1:  # a single rename succeeds or changes nothing
+                    old = begun(target)
+                    shutil.copy2(target, old)
+                renames.append((path, target, part, old))
+            for rename in renames:
+                path, target, part, old = rename  # `path` is named by an error below
                 os.replace(part, target)
+                renamed.append((target, old))
     except BaseException as error:
-        for part in parts:
-            with suppress(OSError):  # it may not exist, or its parent may be no folder
-                part.unlink()
+        for target, old in renamed:
+            with suppress(OSError):
+                if old is None:
+                    target.unlink()
+                else:
+                    os.replace(old, target)
+        _unlink(temporary)
         for folder in new:
             with suppress(OSError):
                 folder.rmdir()
         if isinstance(error, OSError):
             raise UserError(f"cannot be written: {why(error)}", file=path) from error
         raise
+    _unlink(temporary)
+
+
+def _unlink(files: Iterable[Path]) -> None:
+    """Remove files if they exist and can be removed."""
+    for file in files:
+        with suppress(OSError):
+            file.unlink()
 
 
 def remove_unfinished(file: Path) -> None:
