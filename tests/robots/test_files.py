@@ -426,8 +426,10 @@ def test_an_arm_is_here_where_its_folder_is(tmp_path, monkeypatch):
     monkeypatch.setenv("MENAGERIE_ROOT", str(root))
     assert menagerie.state("so100") == "here" and menagerie.state("so101") == "not here"
     assert load("so100").joints == ("j", "k") and "so100" in available()
-    with pytest.raises(UserError, match="cannot get the robot 'robotstudio_so101'"):
-        menagerie.find("so101")
+    (root / "robotstudio_so101").mkdir()  # without a model, as in a checkout that was cut short
+    for name in ("so101", "robotstudio_so101"):
+        with pytest.raises(UserError, match=f"'{name}' is not in MENAGERIE_ROOT .*root.; expected a checkout with it"):
+            menagerie.find(name)
     monkeypatch.delenv("MENAGERIE_ROOT")
     monkeypatch.setitem(sys.modules, "mujoco_menagerie", None)  # not installed
     assert menagerie.state("so101") == "not here"

@@ -1,4 +1,4 @@
-"""Robots by name from MuJoCo Menagerie: from a checkout in MENAGERIE_ROOT, or by the package `mujoco-menagerie`.
+"""Robots by name from MuJoCo Menagerie: from a checkout in MENAGERIE_ROOT, else by the package `mujoco-menagerie`.
 
 The package downloads a robot at its first use and keeps it. If an arm comes with and without a hand, its short name
 means the one without.
@@ -69,8 +69,10 @@ def knows(robot: str) -> bool:
 def state(robot: str) -> str:
     """Return the state of an arm of ARMS: HERE, DOWNLOADS (it will be downloaded at its first use) or ABSENT."""
     folder, package = SHORT[robot].partition("/")[0], _package()
-    if os.environ.get("MENAGERIE_ROOT") or package is None:  # a checkout replaces the downloads
-        return HERE if folder in folders() else ABSENT
+    if folder in folders():
+        return HERE
+    if package is None:
+        return ABSENT
     return HERE if package.Cache().is_cached(package.get(folder)) else DOWNLOADS
 
 
@@ -87,11 +89,13 @@ def find(robot: str) -> Path | None:
     path = _downloaded(folder)
     if path is not None:
         return _entry(path, entry)
-    if knows(robot):
-        raise UserError(
-            f"the robot '{robot}' is not here; it is an arm of the extra 'menagerie' (MuJoCo Menagerie)", expected=HOW
-        )
-    return None
+    if not knows(robot):
+        return None
+    if root := os.environ.get("MENAGERIE_ROOT"):
+        expected = "a checkout with it, or no MENAGERIE_ROOT, so that it is downloaded"
+        raise UserError(f"the robot '{robot}' is not in MENAGERIE_ROOT ({root})", expected=expected)
+    what = f"the robot '{robot}' is not here; it is an arm of the extra 'menagerie' (MuJoCo Menagerie)"
+    raise UserError(what, expected=HOW)
 
 
 def _entry(folder: Path, entry: str) -> Path:
@@ -108,7 +112,9 @@ def _entry(folder: Path, entry: str) -> Path:
 
 
 def _package() -> Any:
-    """Return the package `mujoco-menagerie`; None if it is not installed."""
+    """Return the package `mujoco-menagerie`, for downloads; None if it is not installed, or a checkout replaces it."""
+    if os.environ.get("MENAGERIE_ROOT"):
+        return None
     try:
         import mujoco_menagerie
     except ImportError:
@@ -119,7 +125,7 @@ def _package() -> Any:
 def _downloaded(folder: str) -> Path | None:
     """Return the folder of a robot from the package `mujoco-menagerie`, downloaded if needed.
 
-    None if the package is not installed or does not have the robot.
+    None without the package, or if it does not have the robot.
 
     Raises:
         UserError: the download failed.
