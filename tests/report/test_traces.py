@@ -2,10 +2,13 @@
 
 import base64
 import json
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.traces import Trace
 from vispeg.diagnosis.traces import arrays as kept
@@ -13,6 +16,7 @@ from vispeg.report.evidence import evidence_of
 from vispeg.report.live.arm import arm_arrays, stage
 from vispeg.report.live.traces import Line, Panel, Track, coded, thinned, thinned_time, widget
 from vispeg.report.record import Record
+from vispeg.report.sections import wrench
 from vispeg.report.sections.measured_vs_model import interactive
 from vispeg.worlds.world import World
 
@@ -83,6 +87,39 @@ def test_two_episodes_of_one_name_keep_their_own_torques():
         angle, torque = (decoded(track["arrays"][key]) for key in ("measured", "measured_tau"))
         assert angle.shape == torque.shape == (2, len(track["time"]))
         assert torque == pytest.approx(100 * angle, rel=1e-4)
+
+
+def test_torques_follow_the_recording_that_they_belong_to():
+    """The first of three recordings has no torque."""
+    time = np.arange(8) / 100
+    made = [
+        Trace(name, unit, time, np.full((8, 2), value), np.zeros((8, 2)), None, channel=channel, beside=unit == "N m")
+        for name, channel, unit, value in (
+            ("free", "angle", "rad", 1.0),
+            ("second", "angle", "rad", 2.0),
+            ("second", "torque", "N m", 20.0),
+            ("third", "angle", "rad", 3.0),
+            ("third", "torque", "N m", 30.0),
+        )
+    ]
+    evidence = evidence_of(kept(made, ["a", "b"]))
+    every = [(t.name, t.measured[0, 0]) for t in evidence.every]
+    assert every == [("free", 1), ("second", 2), ("second", 20), ("third", 3), ("third", 30)]
+    drawn = wrench.context(Record("diagnosis", {"evidence": "contact"}, evidence_of(kept(of_axes(made), [*"xyz"]))))
+    assert [picture["title"] for picture in drawn["pictures"]] == ["second", "third"] and drawn["hidden"] == 1
+
+
+def of_axes(made):
+    """The same traces with three columns and of forces, as those of a wrench are."""
+    return [replace(t, measured=np.ones((8, 3)), before=np.zeros((8, 3))) for t in made]
+
+
+@pytest.mark.parametrize("image", [np.zeros((4, 4, 3)), np.zeros((4, 4), np.uint8)])
+def test_what_is_no_picture_is_said_with_its_shape_and_type(image):
+    with pytest.raises(
+        UserError, match=rf"expected \(H, W, 3\) uint8; got '{re.escape(str(image.shape))} {image.dtype}'"
+    ):
+        evidence_of({"picture/0/measured": image})
 
 
 def test_the_pages_arm_has_the_models_shapes_where_the_model_has_them():

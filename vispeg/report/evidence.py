@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -73,7 +72,23 @@ class Choices:
 class Evidence:
     """All arrays of a report; empty without an evidence file.
 
-    `pictures` has `picture/k/NAME` (H, W, 3) uint8 and `camera/c/NAME`, as `vispeg.vision.show` makes them.
+    Attributes:
+        joints: names of the columns of traces and maps.
+        unit: of the values of `traces`.
+        traces: held-out recordings, or their episodes; no two have the same name.
+        torques: torques of those of them that have any, under the same names.
+        maps: RMS residuals by variable, see `ResidualMap`.
+        next_motion: the proposed experiment.
+        choices: residuals of the models with some of the found effects.
+        pictures: what `vispeg.vision.show.pictures` returns: `picture/k/NAME` (H, W, 3) uint8, pictures of the k-th
+            frame that is shown, and `camera/c/NAME`, residuals of the c-th camera.
+        views: `view/k/NAME` and `projection/c/NAME` of a diagnosis of pictures, as `vispeg.report.sections.views` draws
+            them: pictures of the k-th view, and shifts of the c-th camera's pixels.
+        phase_names: of contact; a trace's `regime` is an index into them.
+        worst: PNG of the cell at the moment of the largest error.
+        worst_moment: recording, time and phase of that error.
+        arm: arrays of the interactive arm, see `vispeg.report.live.arm`.
+        by_channel: evidence of each of several channels.
     """
 
     joints: tuple[str, ...] = ()
@@ -84,18 +99,24 @@ class Evidence:
     next_motion: NextMotion | None = None
     choices: Choices | None = None
     pictures: Mapping[str, np.ndarray] = field(default_factory=dict)
-    views: Mapping[str, np.ndarray] = field(default_factory=dict)  # for a diagnosis of pictures, see `sections.views`
-    phase_names: tuple[str, ...] = ()  # for contact: names of the regimes in a trace
-    worst: bytes | None = None  # PNG of the cell at the moment of the largest error
-    worst_moment: str = ""  # recording, time and phase of that error
-    arm: Mapping[str, np.ndarray] = field(default_factory=dict)  # see `vispeg.report.live.arm`
-    by_channel: Mapping[str, Evidence] = field(default_factory=dict)  # evidence of each of several channels
+    views: Mapping[str, np.ndarray] = field(default_factory=dict)
+    phase_names: tuple[str, ...] = ()
+    worst: bytes | None = None
+    worst_moment: str = ""
+    arm: Mapping[str, np.ndarray] = field(default_factory=dict)
+    by_channel: Mapping[str, Evidence] = field(default_factory=dict)
+
+    @property
+    def pairs(self) -> tuple[tuple[Trace, Trace | None], ...]:
+        """Each trace with its torques; None for one without."""
+        torques = {t.name: t for t in self.torques}
+        return tuple((t, torques.get(t.name)) for t in self.traces)
 
     @property
     def every(self) -> tuple[Trace, ...]:
-        """All traces of all channels, each joint trace followed by its torque trace."""
-        interleaved = [t for pair in zip_longest(self.traces, self.torques) for t in pair if t is not None]
-        return (*interleaved, *(t for other in self.by_channel.values() for t in other.every))
+        """All traces of all channels, each followed by its torques if it has any."""
+        own = (t for pair in self.pairs for t in pair if t is not None)
+        return (*own, *(t for other in self.by_channel.values() for t in other.every))
 
 
 def _example(folder: Path) -> Path:
@@ -169,9 +190,8 @@ class _Reader:
         pictures = {k: v for k, v in self.arrays.items() if k.startswith(("picture/", "camera/"))}
         for key, image in pictures.items():
             if key.startswith("picture/") and (image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8):
-                raise UserError(
-                    "is not a picture", file=self.path, key=key, expected="(H, W, 3) uint8", got=image.shape
-                )
+                got = f"{image.shape} {image.dtype}"
+                raise UserError("is not a picture", file=self.path, key=key, expected="(H, W, 3) uint8", got=got)
         views = {k: v for k, v in self.arrays.items() if k.startswith(("view/", "projection/"))}
         phase_names = tuple(str(n) for n in self.arrays.get("phases", ()))
         png = self.arrays["worst/png"].astype(np.uint8).tobytes() if "worst/png" in self.arrays else None

@@ -60,13 +60,12 @@ def context(record: Record) -> Mapping[str, object]:
 def interactive(record: Record) -> dict[str, object]:
     """Return the data for interactive plots of signals and residuals, the worst recording first."""
     evidence = record.evidence
-    torques = {t.name: t for t in evidence.torques}
-    worst = _worst_first(record)
-    tracks = [Track(t.name, t.time, _arrays(t) | _arrays(torques.get(t.name), "_tau")) for t in worst]
+    worst, torques = _worst_first(record), {t.name: torque for t, torque in evidence.pairs}
+    tracks = [Track(t.name, t.time, _arrays(t) | _arrays(torques[t.name], "_tau")) for t in worst]
     size = np.sqrt(sum(np.nansum((t.before - t.measured) ** 2, axis=0) for t in worst))
     visible = [bool(s >= SHARE * size.max(initial=0.0)) for s in size]
     last = "model" if worst[0].after is None else "model after"
-    panels = _panels(evidence.unit, "", last) + (_panels("N m", "_tau", last) if torques else ())
+    panels = _panels(evidence.unit, "", last) + (_panels("N m", "_tau", last) if evidence.torques else ())
     return widget(evidence.joints, panels, tracks, visible)
 
 

@@ -29,7 +29,7 @@ def context(record: Record) -> Mapping[str, object] | None:
         return None
     evidence = record.evidence
     names = [str(n) for n in evidence.phase_names]
-    pairs = list(zip(evidence.traces, evidence.torques, strict=False))[:MOST]
+    pairs = [(force, torque) for force, torque in evidence.pairs if torque is not None][:MOST]
     return {
         "pictures": [
             {"svg": _picture(force, torque, names, i), "title": force.name} for i, (force, torque) in enumerate(pairs)
