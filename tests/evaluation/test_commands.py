@@ -409,6 +409,24 @@ def test_a_suite_against_a_robot_refuses_configurations_that_it_does_not_know(vi
     assert hashes["robot"] == "" and hashes["nominal"]
 
 
+def test_a_suite_says_which_two_worlds_have_one_name(vispeg, tmp_path):
+    """Two different worlds, or one with the name of the robot, are not called the same."""
+    late = "effects: [{effect: command_delay, params: {delay: 0.02}}]\n"
+    for file, name, more in (("a", "rig", ""), ("b", "rig", late), ("c", "robot", "")):
+        (tmp_path / f"{file}.yaml").write_text(f"format: vispeg-world/1\nname: {name}\nbase: nominal\n{more}")
+    (tmp_path / "r.csv").write_text("policy,seed,outcome,configuration\nexpert,0,1,c0\n")
+    for args, words in (
+        (
+            ("a.yaml", "--target", "b.yaml"),
+            "b.yaml: name: two worlds of one name; expected another name than that of a.yaml",
+        ),
+        (("c.yaml", "--measured", "r.csv"), "--train: the training world has the robot's name"),
+        (("a.yaml", "--target", "a.yaml"), "training world and target are the same"),
+    ):
+        code, _, err = vispeg("suite", "run", "expert", "--train", *args, "--out", "g")
+        assert code == 2 and words in err, err
+
+
 def suite_folder(folder, counts, version, hashes=None):
     from vispeg.evaluation import suite
     from vispeg.evaluation.records import Episode

@@ -1,4 +1,8 @@
-"""`vispeg suite`: play named configurations in the training world and in a target, to compare versions of a policy."""
+"""`vispeg suite run`: the success of policies in a list of situations, in the training world and in a target.
+
+The situations are called configurations, such as a smaller clearance or a late command. The result is one version of
+the policies; `vispeg suite compare` compares several.
+"""
 
 from __future__ import annotations
 
@@ -21,13 +25,16 @@ from vispeg.report.gap import words
 from vispeg.report.gap.suite_page import render
 from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
-from vispeg.task.world_file import load_world
+from vispeg.task.world_file import WorldFile, load_world
 
 ROBOT = "robot"  # name of a measured target
 
 
 class SuiteResult(Stressed):
-    """Success of each configuration in both worlds, and the health of the training world; see `Played`."""
+    """Success in each configuration, in the training world and in the target; see `Played` for the attributes.
+
+    Its verdict, the health, says whether the training world ranks the configurations as the target does.
+    """
 
     command = holds = "suite"
 
@@ -89,30 +96,41 @@ def suite(
         raise UserError("needs exactly one target", expected="either --target WORLD or --measured CSV")
     who = ready(policies)
     chosen = suites.configurations(None if configurations is None else Path(configurations))
-    files = {str(w): load_world(w) for w in (train, target) if w is not None}
-    hashes = {file.name: file.hash for file in files.values()} | ({ROBOT: ""} if measured is not None else {})
+    worlds = [w for w in (train, target) if w is not None]
+    files = [load_world(w) for w in worlds]
+    hashes = {file.name: file.hash for file in files} | ({ROBOT: ""} if measured is not None else {})
+    if len(hashes) < 2:
+        raise _of_one_name(files)
     names = list(hashes)
-    if len(names) < 2:
-        raise UserError("training world and target are the same", got=names[0])
     if target is not None and not fine_tuned:
-        home, other = files[str(train)], files[str(target)]
+        home, other = files
         refuse_trained_on(who, other.name, other.hash, other.path, training=home.path)
     trials = _measured(measured, who, chosen)
-    notes = [*trials.notes, *other_tolerances(who, files.values())]
+    notes = [*trials.notes, *other_tolerances(who, files)]
     measured_files = [Path(p) for p in (measured, configurations) if p is not None]
-    read = [*measured_files, *(f.path for f in files.values()), *folders(who)]
+    read = [*measured_files, *(f.path for f in files), *folders(who)]
     with workplace(out, "suite.json", overwrite, read) as place:
-        settings = suites.settings(chosen, {file.name: w for w, file in files.items()})
+        settings = suites.settings(chosen, {file.name: str(w) for file, w in zip(files, worlds, strict=True)})
         jobs = make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds")
         ends = [*play(jobs, place, workers, playing, engine), *trials.episodes]
         version_name = version or ("" if out is None else Path(out).expanduser().resolve().name)
         about = {**suites.summarise(ends, names[0], names[1], version_name, hashes), "notes": notes}
-        result = SuiteResult(
-            stamped(about, seed, folders(who)), tuple(ends), (), tuple(read), names_of(place / EPISODES)
-        )
+        record, played_names = stamped(about, seed, folders(who)), names_of(place / EPISODES)
+        result = SuiteResult(record, tuple(ends), sources=tuple(read), names=played_names)
         if out is not None:
             result._write(place)
     return result
+
+
+def _of_one_name(files: Sequence[WorldFile]) -> UserError:
+    """Return the error for a training world with the name of the target: results are kept by the worlds' names."""
+    name, hashes = files[0].name, {file.hash for file in files}
+    if len(files) == 1:
+        return UserError("the training world has the robot's name", key="--train", got=name, expected="another name")
+    if len(hashes) == 1:
+        return UserError("training world and target are the same", got=name)
+    other = f"another name than that of {files[0].path}"
+    return UserError("two worlds of one name", file=files[1].path, key="name", got=name, expected=other)
 
 
 def _measured(csv: str | Path | None, who: Sequence[Entrant], chosen: Sequence[Configuration]) -> Trials:
