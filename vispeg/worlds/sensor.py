@@ -46,7 +46,13 @@ def sensor(name: str, where: str | None = None) -> tuple[RandomizedEffect, ...]:
 
 
 def _ranged(entry: Mapping[str, Any], where: str | None, file: str, key: str) -> RandomizedEffect:
-    """Read an entry of a sensor's file; arguments as in `sensor` and `entry.ranged`."""
+    """Read an entry of a sensor's file. Its place is not checked, as the cameras of the world are not known here.
+
+    Args:
+        entry: from YAML, with `effect`, `params`, `source` and perhaps `where`.
+        where: a camera or `all`; None for the place that the entry states, or `all`.
+        file, key: file and key of the entry, for errors.
+    """
     kind = effect(entry["effect"], file=file, key=f"{key}.effect")
     params = {k: ranged_value(kind, k, v, file, f"{key}.params.{k}") for k, v in entry["params"].items()}
     return RandomizedEffect(entry["effect"], where or entry.get("where", "all"), params, source=entry["source"])

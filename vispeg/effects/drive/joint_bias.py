@@ -24,5 +24,6 @@ class JointBias(Effect):
         return tau + p["torque"]
 
     def inverse(self, needed, sensor, p):
-        # behind the gear, the bias stands for a zero error of the sensor; else the bias need not be commanded
-        return needed + p["torque"] if sensor == "joint" else needed - p["torque"]
+        if sensor == "joint":  # it does not see the drive's bias: what `torque` stands for here is its own wrong zero
+            return needed + p["torque"]
+        return needed - p["torque"]  # the reading is that of the command, to which the drive adds the bias

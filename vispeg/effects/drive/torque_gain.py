@@ -1,7 +1,8 @@
 """Torque gain: the drive delivers `gain` times the torque it is asked for (torque constant, calibration, gear loss).
 
-MuJoCo's own mechanism is `gear`/`gainprm`; the product is taken in the drive chain, before bias and limits, here.
-Source: De Luca and Albu-Schaeffer's drive-gain calibration, e.g. Gautier and Briot, ICRA 2014, eq. (1).
+`tau = gain tau_cmd`. MuJoCo's own mechanism is an actuator's `gear` or `gainprm`, fixed when the model is compiled;
+here each simulation has its own gain, which acts before the limits and the bias. Source: the calibration of drive
+gains, Gautier and Briot, ICRA 2014, eq. (1).
 """
 
 from __future__ import annotations
@@ -15,16 +16,18 @@ class TorqueGain(Effect):
 
     name = "torque_gain"
     family = "drive"
-    commanded = True
-    order = 30
+    commanded = True  # the torque depends on the command alone, not on the arm's motion
+    order = 30  # after delay (10) and lag (15), before limit (40) and bias (45)
     params = {"gain": Param(1.0, 0.5, 1.5, "1", start=1.05, doc="delivered over commanded torque")}
 
     def channels(self):
-        return super().channels() - {"servo", "load"}  # it only scales the unknown stiffness of the servo's loop
+        # under a servo's own loop it would act like another gain of the loop, which is unknown and fitted anyway
+        return super().channels() - {"servo", "load"}
 
     def drive(self, state, tau, x, p):
         return tau * p["gain"]
 
     def inverse(self, needed, sensor, p):
-        # behind the gear, the gain stands for a scale error of the sensor; else the command makes up for the gain
-        return needed * p["gain"] if sensor == "joint" else needed / p["gain"]
+        if sensor == "joint":  # it does not see the drive's gain: what `gain` stands for here is its own wrong scale
+            return needed * p["gain"]
+        return needed / p["gain"]  # the reading is that of the command, to which the drive applies the gain

@@ -28,4 +28,5 @@ class EncoderOffset(Effect):
         return q + p["offset"], dq
 
     def regressor(self, look, p):
-        return look.moved(np.broadcast_to(-p["offset"], look.sent.shape))
+        true_minus_measured = np.broadcast_to(-p["offset"], look.sent.shape)
+        return look.moved(true_minus_measured)

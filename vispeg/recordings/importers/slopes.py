@@ -94,7 +94,8 @@ def _doubt(rec: Recording, likely: str, wrong: dict[int, float], known: int) -> 
     every = len(wrong) == len(names)
     columns = f"{names[0]} ... {names[-1]}" if every and len(names) > 1 else ", ".join(names[j] for j in wrong)
     said = f"{ratio:.3g}" if same else f"{each[0]:.3g} to {each[-1]:.3g}"
-    # a factor of no known unit that all moving joints share is one of the time; a joint alone cannot tell
+    # If all joints that move are wrong by the same factor, and no unit explains it, the time is likely wrong by it.
+    # Where only one joint of several moves, its own scale is as likely, so no rate is suggested.
     shared = same and len(wrong) == known and (every or known > 1)
     clock = f"{ratio * rec.rate_hz:.4g} samples a second" if shared and not likely else ""
     said = f"measured speeds are {said} times the change of the angles"

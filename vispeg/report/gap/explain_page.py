@@ -21,8 +21,8 @@ def render(values: Mapping[str, Any], strip: Strip | None = None) -> str:
     lines = [f"{values['policy']}: {values['words']}"]
     if values["next"]:
         lines += [values["next"]["why"], f"next: {values['next']['command']}"]
-    if values.get("worth"):  # absent in older records
-        lines.append(values["worth"]["words"])
+    if simulator_worth := values.get("worth"):  # in real trials; missing in records of earlier versions
+        lines.append(simulator_worth["words"])
     lines += values["notes"]
     sections = [table_page.title("Why do these trials fail?", lines)]
     sections += _story(values, strip)
@@ -100,17 +100,17 @@ def _bridge(values: Mapping[str, Any]) -> list[table_page.Section]:
     """Return sections on the unexplained remainder, the conditions of the verdict, and next steps with their cost."""
     sections, bridge, remainder = [], values["bridge"], values["remainder"]
     if remainder:
-        regimes = "; ".join(
-            f"{100 * r['share']:.0f} % of its power in {name} ({count(r['recordings'], 'recording')})"
+        regimes = ", ".join(
+            f"{100 * r['share']:.0f} % in {name} ({count(r['recordings'], 'recording')})"
             for name, r in remainder["regimes"].items()
         )
         rows = [["without", words.rate(remainder["without"])], ["with it", words.rate(remainder["with_it"])]]
         rows.append(["change, points", words.change(remainder["cost"])])
         rows += [[f"{j['joint']}, RMS", f"{j['rms']:.2g} {j['unit']}"] for j in remainder["joints"]]
         note = (
-            f"{remainder['words']}. In the same episodes, the joints also get the missing torque of "
-            f"{count(len(remainder['recordings']), 'recording')} in the identified world, below 8 Hz, in blocks of "
-            f"{remainder['block_s']:.2g} s (twice its correlation time); {regimes}."
+            f"{remainder['words']}. With it: in the same episodes the joints are also disturbed by the torque that "
+            f"{count(len(remainder['recordings']), 'recording')} needed beyond the identified model's, below 8 Hz, "
+            f"drawn at random in blocks of {remainder['block_s']:.2g} s (twice its correlation time). Power: {regimes}."
         )
         sections.append(table_page.table("Effect of the unexplained torque", ("", "success"), rows, note=note))
     rows = [[c["condition"], c["here"], words.met(c["met"])] for c in bridge["conditions"]]
