@@ -9,7 +9,9 @@ import pyarrow.parquet as pq
 import pytest
 from rendered import LAYOUT, PLAN, as_before, source
 
+from vispeg.core.errors import UserError
 from vispeg.datasets.check import check
+from vispeg.datasets.read import Dataset
 from vispeg.datasets.shards.rendering import render
 
 DATA, META = "data/chunk-000/file-001.parquet", "meta/episodes/chunk-000/file-001.parquet"
@@ -73,6 +75,19 @@ def test_changed_or_missing_files_are_told_by_digest(sound, tmp_path):
     (folder / META).unlink()
     found = check(folder)
     assert len(found) == 2 and "file-001.parquet: was cut short or changed" in found[0] and "is missing" in found[1]
+
+
+def test_the_episode_of_a_fault_is_named_wherever_the_dataset_lies(copy, tmp_path):
+    """The name of a folder is not taken for that of the episode, which is named once."""
+    folder = copy.rename(tmp_path / "episode 7 of mine")
+    changed(folder, lambda t: with_column(t, "observation.depth.eye", edit(1, None)))
+    (fault,) = check(folder)
+    assert fault.startswith(f"episode 3: {folder / DATA}: observation.depth.eye: has no value in 1 frame"), fault
+    changed(folder, lambda t: with_column(t, "observation.images.eye", edit(1, None)))
+    with pytest.raises(UserError, match=r"^episode 3: /[^:]*: observation.depth.eye"):
+        Dataset(folder).episode(3)
+    with pytest.raises(UserError, match=r"^episode 3, frame 1, observation.images.eye: is not a picture"):
+        Dataset(folder, ["observation.images.eye"]).episode(3)
 
 
 def test_a_file_cut_short_is_named(copy):

@@ -174,7 +174,7 @@ def _records(data: Dataset | Bop, watch: Watch) -> list[str]:
         try:
             frames = data.episode(number)
         except UserError as error:
-            faults.append(str(error) if "episode " in str(error) else f"episode {number}: {error}")
+            faults.append(str(error))
             continue
         faults += [f"episode {number}: {fault}" for fault in pictures(data, frames)]
         try:

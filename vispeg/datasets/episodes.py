@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict, cast
 
@@ -18,6 +19,15 @@ LARGEST = 1_000_000_000  # most bytes of `LINES`
 OWN = "vispeg/"  # prefix of columns that LeRobot does not have
 # columns that state where an episode lies
 PLACES = ("episode_index", "length", "dataset_from_index", "dataset_to_index", "data/chunk_index", "data/file_index")
+
+
+@contextmanager
+def of_episode(number: int) -> Iterator[None]:
+    """Name the episode that is read, before all else, in a UserError of the body."""
+    try:
+        yield
+    except UserError as error:
+        raise UserError(str(error), key=f"episode {number}") from error
 
 
 def _is_world(value: Any) -> bool:

@@ -26,7 +26,7 @@ from vispeg.datasets.describe import (
     read_made,
     read_stats,
 )
-from vispeg.datasets.episodes import FOLDER, OWN, EpisodeRow, read_episodes, read_episodes_before
+from vispeg.datasets.episodes import FOLDER, OWN, EpisodeRow, of_episode, read_episodes, read_episodes_before
 from vispeg.datasets.formats.models import Mesh, read_models
 from vispeg.datasets.layout import VERSION, is_image, is_picture, pixel_shape, pixel_type
 from vispeg.datasets.parquet import opened, table, values
@@ -214,19 +214,27 @@ class Dataset:
 
     def _video(self, number: int, name: str) -> np.ndarray:
         """Read an episode's pictures from its video, (T, H, W, 3) uint8."""
-        file, start = where(self.folder, str(self.info.get("video_path") or ""), name, number, self._chunk)
         times = np.arange(self.episodes[number]["length"]) / self.info["fps"]
-        frames = [image for _, image in decoded(file, times, start)]
-        if len(frames) != len(times):
-            expected, got = count(len(times), "frame"), count(len(frames), "frame")
-            raise UserError(f"does not show all of episode {number}", file=file, expected=expected, got=got)
+        with of_episode(number):
+            file, start = where(self.folder, str(self.info.get("video_path") or ""), name, number, self._chunk)
+            frames = [image for _, image in decoded(file, times, start)]
+            if len(frames) != len(times):
+                expected, got = count(len(times), "frame"), count(len(frames), "frame")
+                raise UserError("does not show all of it", file=file, expected=expected, got=got)
         return np.stack(frames)
 
     def _columns(self, number: int) -> Mapping[str, Any]:
-        """Read an episode's features: arrays, or encoded pictures."""
-        if number in self._kept:
-            self._kept.move_to_end(number)
-            return self._kept[number]
+        """Return an episode's features, arrays or encoded pictures; those of the last KEPT episodes stay in memory."""
+        if number not in self._kept:
+            with of_episode(number):
+                self._kept[number] = self._read(number)
+        self._kept.move_to_end(number)
+        while len(self._kept) > KEPT:
+            self._kept.popitem(last=False)
+        return self._kept[number]
+
+    def _read(self, number: int) -> dict[str, Any]:
+        """Read an episode's features from its file."""
         import pyarrow as pa
         import pyarrow.compute as pc
 
@@ -244,11 +252,8 @@ class Dataset:
             rows = full_table.filter(pc.equal(episode, number)).select(columns)
         length = self.episodes[number]["length"]
         if len(rows) != length:
-            raise UserError(f"episode {number} has {count(len(rows), 'frame')}", file=path, expected=length)
-        self._kept[number] = {name: values(self.features[name], rows[name], path, name) for name in columns}
-        while len(self._kept) > KEPT:
-            self._kept.popitem(last=False)
-        return self._kept[number]
+            raise UserError(f"has {count(len(rows), 'frame')} of it", file=path, expected=length)
+        return {name: values(self.features[name], rows[name], path, name) for name in columns}
 
     def _value(self, number: int, name: str, row: int, place: str) -> np.ndarray:
         """Return a feature's value in a row of an episode; pictures are decoded. An error names `place`."""

@@ -18,7 +18,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import DEPTH_STEP, decode
 from vispeg.datasets.describe import BOP_CAMERA, Made, is_integer, is_number
-from vispeg.datasets.episodes import Stretch
+from vispeg.datasets.episodes import Stretch, of_episode
 from vispeg.datasets.formats.models import read_ply
 from vispeg.datasets.layout import Feature, colour_of, depth, depth_of, is_depth, parts, picture, pixel_shape
 from vispeg.datasets.moments import Seen
@@ -115,7 +115,8 @@ class Bop:
     def episode(self, number: int) -> dict[str, np.ndarray]:
         """Return an episode's frames as `read` does; the last KEPT episodes stay in memory."""
         if number not in self._kept:
-            self._kept[number] = self.read(number)
+            with of_episode(number):
+                self._kept[number] = self.read(number)
             while len(self._kept) > KEPT:
                 self._kept.popitem(last=False)
         return self._kept[number]
