@@ -47,6 +47,19 @@ def test_missing_extra_is_not_a_failure(monkeypatch):
     assert not logs.ok and not logs.needed and "rosbags is not installed" in logs.detail and "logs" in logs.fix
 
 
+def test_a_package_without_its_metadata_is_to_be_installed_again(monkeypatch):
+    """The folder of its metadata is there, and empty: pip takes it for installed."""
+
+    def version(name):
+        if name == "rosbags":
+            raise TypeError("expected string or bytes-like object")
+        return "4.0.1" if name == "mujoco" else "999"
+
+    monkeypatch.setattr(installed.metadata, "version", version)
+    logs = next(f for f in doctor._packages() if f.name == "extra 'logs'")
+    assert "rosbags is half installed" in logs.detail and "--force-reinstall" in logs.fix
+
+
 def test_table_marks():
     optional = Finding("gpu", False, "none", fix="buy one")
     machine = Machine([Finding("python", True, "3", True), optional])

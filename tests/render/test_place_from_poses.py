@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from vispeg.api.camera_place import place_camera
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.measure.pose_table import motions
+from vispeg.measure.pose_table import motions, pose_columns, poses_of
+from vispeg.recordings.tables.read import read_table
 from vispeg.render.calibration.from_poses import place
 from vispeg.render.calibration.rigid import from_quaternion, inverse, shifted
 from vispeg.robots.model import load
@@ -124,6 +125,15 @@ def test_tables_as_people_have_them(form, mount, tmp_path):
     eye = result.record["hand_eye"]
     assert eye["parent"] == mount
     np.testing.assert_allclose(eye["pos_m"], X[:3, 3], atol=2e-5)
+
+
+@pytest.mark.parametrize(("unit", "assumed"), [("", ["m", "cm", "mm"]), ("_cm", [""])])
+def test_an_interpretation_tells_the_unit_that_it_assumes(tmp_path, unit, assumed):
+    """Centimetres that the header does not state are a last resort; those that it states are none."""
+    names = [*(f"x{unit} y{unit} z{unit}".split()), "rx_deg", "ry_deg", "rz_deg"]
+    table = read_table(write(tmp_path / "tags.csv", names, np.ones((3, 6))))
+    ways = poses_of(table, pose_columns(names, table.file), "fixed_xyz")
+    assert [way.assumed_unit for way in ways] == assumed
 
 
 def test_what_is_no_hand_eye_table_is_one_line(tmp_path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -14,7 +14,7 @@ from vispeg.api.result import Result
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import digest, here
 from vispeg.core.rotation import quaternion
-from vispeg.measure.pose_table import Readings, check_form, poses_of, readings, together, two_poses
+from vispeg.measure.pose_table import PoseReadings, Readings, check_form, poses_of, readings, together, two_poses
 from vispeg.recordings.tables.read import read_table
 from vispeg.recordings.tables.table import Table
 from vispeg.render.calibration.from_poses import Placed, place
@@ -116,14 +116,10 @@ def _interpretations(table: Table, robot: str | None, form: str | None) -> tuple
     if robot is None:
         poses = two_poses(table)
         check_form(form, poses, table.file)
-        both: list[Ways] = []
-        for whose, columns in zip(("the robot's", "the tag's"), poses, strict=True):
-            ways = poses_of(table, columns, form)
-            both.append([(_matrix(p, turn), f"{whose} {assumed}" if assumed else "") for p, turn, assumed in ways])
-        flange, tag = both
+        robots, tags = (poses_of(table, columns, form) for columns in poses)
         # cm that the header does not state are tried only if no other unit gives poses in reach
-        usual = [way for way in flange if _reached(way[0]) and "in cm" not in way[1]]
-        return usual or flange, tag
+        usual = [way for way in robots if _reached(way.position) and way.assumed_unit != "cm"]
+        return _matrices(usual or robots, "the robot's"), _matrices(tags, "the tag's")
     model = load(placed(robot))
     combined: list[Readings] = readings(table, model.joints, form)
     if combined[0].turn is None:
@@ -131,22 +127,21 @@ def _interpretations(table: Table, robot: str | None, form: str | None) -> tuple
             "a tag's pose without orientation", file=table.file, expected="qw qx qy qz, rx ry rz or roll pitch yaw"
         )
     # each combination assumes something of the joints and something of the tag: collect both separately, each once
-    angles, tags = {}, {}
-    for way in combined:
-        of_joints = [text for text in way.said if text.startswith("joint")]
-        of_tag = [text for text in way.said if not text.startswith("joint")]
-        angles[", ".join(of_joints)] = way.angles
-        tags[", ".join(of_tag)] = way
+    angles, tag_of = {way.of_joints: way.angles for way in combined}, {way.of_pose: way for way in combined}
     flange = []
     for assumed, q in angles.items():
         pose = flange_pose(model, np.asarray(q))
         flange.append((from_quaternion(pose[:, :3], pose[:, 3:]), assumed))
-    return flange, [(_matrix(way.position, way.turn), assumed) for assumed, way in tags.items()]
+    return flange, [(_matrix(way.position, way.turn), assumed) for assumed, way in tag_of.items()]
 
 
-def _reached(flange: np.ndarray) -> bool:
-    """Return whether an arm can reach these poses; relative motions alone cannot tell metres from millimetres."""
-    return NEAR < float(np.median(np.linalg.norm(flange[:, :3, 3], axis=1))) < FAR
+def _matrices(ways: Sequence[PoseReadings], whose: str) -> Ways:
+    return [(_matrix(way.position, way.turn), f"{whose} {way.said}" if way.said else "") for way in ways]
+
+
+def _reached(position: np.ndarray) -> bool:
+    """Return whether an arm can reach these positions (n, 3); motions alone cannot tell metres from millimetres."""
+    return NEAR < float(np.median(np.linalg.norm(position, axis=1))) < FAR
 
 
 def _matrix(position: np.ndarray, turn: np.ndarray | None) -> np.ndarray:

@@ -53,13 +53,35 @@ class Readings:
         angles: joint angles (n, nj) rad; None if none were asked for.
         position: (n, 3) m.
         turn: rotation matrices (n, 3, 3); None if the table has only positions.
-        said: the choices that were made where the header is ambiguous, in words.
+        of_joints, of_pose: the choices that were made where the header is ambiguous, in words; "" for none.
     """
 
     angles: np.ndarray | None
     position: np.ndarray
     turn: np.ndarray | None
-    said: tuple[str, ...]
+    of_joints: str
+    of_pose: str
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """All choices that were made, in words."""
+        return tuple(text for text in (self.of_joints, self.of_pose) if text)
+
+
+@dataclass(frozen=True)
+class PoseReadings:
+    """One interpretation of the columns of a pose.
+
+    Attributes:
+        position, turn: as for `Readings`.
+        assumed_unit: key of LENGTHS that was taken where the header leaves the positions' unit open; "" where not.
+        said: the choices that were made, in words.
+    """
+
+    position: np.ndarray
+    turn: np.ndarray | None
+    assumed_unit: str
+    said: str
 
 
 @dataclass(frozen=True)
@@ -130,10 +152,7 @@ def readings(table: Table, joints: Sequence[str], form: str | None = None) -> li
     angles = None if not joints else _angles(table, joints, {*columns.position, *columns.turn})
     of_joints = [(None, "")] if angles is None else _as_radians(*angles, file)
     ways = poses_of(table, columns, form)
-    return [
-        Readings(q, position, turn, tuple(text for text in (q_said, said) if text))
-        for (q, q_said), (position, turn, said) in product(of_joints, ways)
-    ]
+    return [Readings(q, way.position, way.turn, said, way.said) for (q, said), way in product(of_joints, ways)]
 
 
 def check_form(form: str | None, poses: Sequence[PoseColumns], file: Path) -> None:
@@ -147,11 +166,8 @@ def check_form(form: str | None, poses: Sequence[PoseColumns], file: Path) -> No
         raise UserError("no angles whose meaning could be stated", file=file, key="--orientation", expected=expected)
 
 
-def poses_of(table: Table, columns: PoseColumns, form: str | None) -> list[tuple[np.ndarray, np.ndarray | None, str]]:
-    """Return all interpretations of a pose: positions (n, 3) m, rotations (n, 3, 3) or None, and the choices in words.
-
-    Arguments and errors as for `readings`.
-    """
+def poses_of(table: Table, columns: PoseColumns, form: str | None) -> list[PoseReadings]:
+    """Return all interpretations of a pose; arguments and errors as for `readings`."""
     file = table.file
     values = _block(table, columns.position)
     lengths = _units(columns.position, LENGTHS, file)
@@ -162,10 +178,12 @@ def poses_of(table: Table, columns: PoseColumns, form: str | None) -> list[tuple
             "a position out of any arm's reach", file=file, key=columns.position[0], expected="m or mm", got=got
         )
     turns = [(None, "")] if not columns.turn else _turns(table, columns, form, file)
-    return [
-        (values * LENGTHS[unit], turn, ", ".join(text for text in (_chosen_unit(lengths, unit), said) if text))
-        for unit, (turn, said) in product(lengths, turns)
-    ]
+    out = []
+    for unit, (turn, said) in product(lengths, turns):
+        assumed = unit if len(lengths) > 1 else ""
+        texts = (f"positions in {assumed}" if assumed else "", said)
+        out.append(PoseReadings(values * LENGTHS[unit], turn, assumed, ", ".join(text for text in texts if text)))
+    return out
 
 
 def two_poses(table: Table) -> tuple[PoseColumns, PoseColumns]:
@@ -364,11 +382,6 @@ def _units(names: Sequence[str], units: Mapping[str, float], file: Path) -> list
         raise UserError("columns in different units", file=file, key=", ".join(names), expected="one unit")
     unit = found.pop()
     return [unit] if unit else list(units)
-
-
-def _chosen_unit(lengths: Sequence[str], unit: str) -> str:
-    """Word the unit of positions; "" if it is the only possible one."""
-    return f"positions in {unit}" if len(lengths) > 1 else ""
 
 
 def _block(table: Table, names: Sequence[str]) -> np.ndarray:

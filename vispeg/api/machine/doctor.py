@@ -103,9 +103,9 @@ def _packages() -> Iterator[Finding]:
     """Yield a finding on the base's packages and one on each extra, by the versions that this release requires."""
     for name, wrong in wrong_packages().items():
         target = f"'{BASE}[{name}]'" if name else BASE
-        again = "--force-reinstall " * any(": " in w for w in wrong)
+        again = "--force-reinstall " * any(w.broken for w in wrong)
         label, fix = f"extra '{name}'" if name else "packages", f"pip install {again}{EDITABLE}{target}"
-        yield Finding(label, not wrong, "; ".join(wrong) or "all here", not name, fix)
+        yield Finding(label, not wrong, "; ".join(w.said for w in wrong) or "all here", not name, fix)
 
 
 def _physics() -> Finding:

@@ -6,6 +6,7 @@ import os
 import re
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -26,14 +27,27 @@ for module in sys.argv[1:]:
 """
 
 
-def wrong_packages() -> dict[str, list[str]]:
-    """Return what is wrong with the packages of the base ("") and of every extra, in words.
+@dataclass(frozen=True)
+class Wrong:
+    """A package that a release requires and that cannot be used as it is.
+
+    Attributes:
+        said: what is wrong, in words.
+        broken: whether it is installed but lacks files or cannot be imported, so that pip has to install it again.
+    """
+
+    said: str
+    broken: bool
+
+
+def wrong_packages() -> dict[str, list[Wrong]]:
+    """Return what is wrong with the packages of the base ("") and of every extra.
 
     Packages of the base are imported, in another process; for the others only the existence of their files is checked.
     """
     from packaging.requirements import Requirement
 
-    groups: dict[str, list[str]] = {"": []}
+    groups: dict[str, list[Wrong]] = {"": []}
     present: dict[str, list[str]] = {}
     for text in _requirements():
         requirement = Requirement(text)
@@ -42,8 +56,8 @@ def wrong_packages() -> dict[str, list[str]]:
         if requirement.marker and not requirement.marker.evaluate({"extra": name}):
             continue
         wrong = groups.setdefault(name, [])
-        if reason := _version_wrong(requirement):
-            wrong.append(f"{requirement.name} {reason}")
+        if (fault := _version_wrong(requirement)) is not None:
+            wrong.append(fault)
         else:
             present.setdefault(name, []).append(requirement.name)
     modules = _modules()
@@ -55,20 +69,20 @@ def wrong_packages() -> dict[str, list[str]]:
             reasons = {module: "half installed" for module in package_of if not importable(module)}
         else:
             reasons = _unimportable(list(package_of))
-        groups[name] += [f"{package_of[module]}: {reason}" for module, reason in reasons.items()]
+        groups[name] += [Wrong(f"{package_of[module]}: {reason}", broken=True) for module, reason in reasons.items()]
     return groups
 
 
-def _version_wrong(requirement: Any) -> str:
-    """Return what is wrong with an installed package's version; "" if it is fine."""
+def _version_wrong(requirement: Any) -> Wrong | None:
+    """Return what is wrong with an installed package's version; None if it is fine."""
     try:
         have = metadata.version(requirement.name)
         fits = requirement.specifier.contains(have, prereleases=True)
     except metadata.PackageNotFoundError:
-        return "is not installed"
+        return Wrong(f"{requirement.name} is not installed", broken=False)
     except Exception:  # a metadata folder without its files
-        return "is half installed"
-    return "" if fits else f"{have}, needed {requirement.specifier}"
+        return Wrong(f"{requirement.name} is half installed", broken=True)
+    return None if fits else Wrong(f"{requirement.name} {have}, needed {requirement.specifier}", broken=False)
 
 
 def _modules() -> dict[str, list[str]]:
