@@ -94,7 +94,7 @@ def test_an_archive(tmp_path):
 
 
 def test_a_map_of_an_archives_time_alone_leaves_the_others_their_names(tmp_path):
-    """As one that states them by these names. Arrays named as columns are a table's still."""
+    """One that names the angles leaves nothing else to its name. Arrays named as columns are a table's still."""
     rec = recording(80)
     np.savez(tmp_path / "run.npz", t=1e3 * rec.time, q=rec.q, tau=rec.tau)
     np.savez(tmp_path / "table.npz", t=1e3 * rec.time, **{f"q.{name}": rec.q[:, j] for j, name in enumerate(JOINTS)})
@@ -102,7 +102,35 @@ def test_a_map_of_an_archives_time_alone_leaves_the_others_their_names(tmp_path)
     for name, more in (("run", {"q": "q"}), ("run", {}), ("table", {})):
         back = read_source(tmp_path / f"{name}.npz", "iiwa14", JOINTS, map_from(said | more, tmp_path, JOINTS))
         assert np.array_equal(back.q, rec.q) and np.allclose(back.time, rec.time, atol=1e-13)
-        assert name == "table" or np.array_equal(back.tau, rec.tau)
+        assert (back.tau is not None) == (name == "run" and not more)
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet", "npz"])
+def test_what_a_map_of_the_angles_leaves_out_is_not_read_whatever_its_name(tmp_path, form):
+    """A counter called `episode` that is none, torques in another unit, a tool's pose: only the time needs no line."""
+    rec = recording(60, episode=np.arange(60) // 30)
+    if form == "npz":
+        file, said = tmp_path / "run.npz", {"q": "q", "dq": "speed"}
+        np.savez(file, time=rec.time, q=rec.q, speed=rec.dq, tau=rec.tau, ee=rec.ee, episode=rec.episode)
+    else:
+        file = write(rec, tmp_path / "r", table=form) / f"samples.{form}"
+        said = {f"{signal}.{joint}": f"{signal}.{joint}" for signal in ("q", "dq") for joint in JOINTS}
+    back = read_source(file, "iiwa14", JOINTS, map_from(said, tmp_path, JOINTS))
+    assert np.array_equal(back.time, rec.time) and np.array_equal(back.q, rec.q) and np.array_equal(back.dq, rec.dq)
+    assert all(getattr(back, left_out) is None for left_out in ("episode", "tau", "tau_cmd", "q_cmd", "ee", "ft"))
+
+
+def test_a_guess_reads_what_it_says_that_it_uses_and_nothing_else(tmp_path):
+    """Of a log with a recording's own names: pose and wrench are used, a counter with fractions is not."""
+    rec = recording(60)
+    file = write(rec, tmp_path / "r") / "samples.csv"
+    head, *rows = file.read_text().splitlines()
+    file.write_text("\n".join([f"{head},episode", *(f"{row},{k / 7}" for k, row in enumerate(rows)), ""]))
+    found = guess(file, JOINTS, Limits(np.full((2, 2), [-7.0, 7.0]), np.full(2, np.inf), np.full(2, np.inf)))
+    back = import_table(file, "iiwa14", JOINTS, map_from(said_of.data(found), file, JOINTS))
+    assert set(found.unused) == {"episode"} and back.episode is None
+    for name in ("q", "tau", "ee", "ee_cmd", "ft"):
+        assert np.array_equal(getattr(back, name), getattr(rec, name)), name
 
 
 def test_the_parts_of_an_array_add_up(tmp_path):

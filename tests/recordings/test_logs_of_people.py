@@ -218,7 +218,8 @@ def test_what_precedes_a_step_back_keeps_the_files_episode(tmp_path, arm):
     back = TIME - np.where((np.arange(N) >= 300) & (np.arange(N) < 600), 0.2, 0.0)
     file = table(tmp_path / "log.csv", PLAIN | {"time": back, "episode": number})
     outcomes = [{"success": True, "episode": 9}, {"success": False, "episode": 2}]
-    mapping = {f"q.{joint}": f"q_{j}" for j, joint in enumerate(JOINTS)} | {"recording": {"outcome": outcomes}}
+    mapping = {f"q.{joint}": f"q_{j}" for j, joint in enumerate(JOINTS)} | {"episode": "episode"}
+    mapping |= {"recording": {"outcome": outcomes}}
     with pytest.warns(UserWarning, match="the clock stepped back"):
         rec = convert(file, arm, tmp_path / "rig", mapping=map_from(mapping, file, JOINTS))
     pieces = dict.fromkeys(rec.episode.tolist())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -97,8 +97,17 @@ class ColumnMap:
 
     @property
     def names(self) -> set[str]:
-        """Names of all columns of the source that are needed."""
+        """Names of all columns of the source that the map names."""
         return set[str]().union(*(source.names for source in self.columns.values())) - {""}
+
+    def by_own_name(self, targets: Iterable[str]) -> list[str]:
+        """Return which columns of a recording are read from columns of the same name, as the map does not name them.
+
+        These are all that a map without measured angles leaves out. A map with measured angles is complete: of what it
+        leaves out only the time is read, since no recording is without it.
+        """
+        complete = any(target.partition(".")[0] == "q" for target in self.columns)
+        return [target for target in targets if target not in self.columns and (target == "time" or not complete)]
 
 
 def _example(folder: Path) -> Path:

@@ -22,7 +22,8 @@ def import_npz(source: Path, robot: str, joints: Sequence[str], mapping: ColumnM
     """Import a recording from an .npz file; nothing in it is ever unpickled.
 
     Arrays are `time`, `episode` (n,), `q`, `dq`, `tau`, `tau_cmd`, `q_cmd`, `dq_cmd` (n, nj), `ee`, `ee_cmd` (n, 7),
-    `ft` (n, 6), under these names or those in the map, and `joints` (nj,), the joint names of the arrays' columns.
+    `ft` (n, 6), and `joints` (nj,), the joint names of the arrays' columns. The map may state other names; see
+    `ColumnMap.by_own_name` for arrays that it does not name.
 
     Args:
         source: the .npz file.
@@ -46,10 +47,11 @@ def import_npz(source: Path, robot: str, joints: Sequence[str], mapping: ColumnM
             raise UserError("names no whole array", file=mapping.file, key=target, choices=whole)
     columns: dict[str, np.ndarray] = {}
     rows: int | None = None
+    own = mapping.by_own_name(whole)
     for target in whole:
         origin = mapping.columns.get(target, Source(target))
         needed = target in mapping.columns or target == "q" or (target == "time" and mapping.rate_hz is None)
-        if not needed and origin.name not in arrays:
+        if not needed and (target not in own or origin.name not in arrays):
             continue
         tails = [target] if target in ("time", "episode") else columns_of(target, names)
         values = _summed(arrays, origin, target, rows, len(tails), source)

@@ -25,7 +25,7 @@ def import_table(
     mapping: ColumnMap | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Recording:
-    """Import a recording from a table; columns absent from the map are used if named as in the recording format.
+    """Import a recording from a table; see `ColumnMap.by_own_name` for columns that the map does not name.
 
     Args:
         source: a file or folder that `read_table` reads.
@@ -39,7 +39,7 @@ def import_table(
     """
     mapping = mapping or ColumnMap()
     targets = _targets(joints_of(joints, mapping), mapping)
-    wanted = {*targets, *mapping.names}
+    wanted = {*mapping.by_own_name(targets), *mapping.names}
     table = read_table(source, Reading(keep=lambda _: wanted, progress=progress, dialect=mapping.dialect))
     return from_table(table, source, robot, joints, mapping)
 
@@ -55,9 +55,7 @@ def from_table(table: Table, source: Path, robot: str, joints: Sequence[str], ma
             columns[target] = np.full(table.rows, np.nan)
             continue
         columns[target] = summed(table, origin)
-    for target in targets:
-        if target not in columns and target in table.names:
-            columns[target] = table.number(target)
+    columns |= {name: table.number(name) for name in mapping.by_own_name(targets) if name in table.names}
     if mapping.rate_hz is not None:
         columns["time"] = counted(columns.get("episode"), table.rows, mapping.rate_hz, source, table.names)
     if "time" not in columns:

@@ -89,7 +89,7 @@ def _by_torques(
     """Estimate gear ratios of the joints at `places` from measured torques; empty without torques."""
     if "tau" not in out.signals():
         return {}
-    # only time, angles and torques are used below
+    # only time, angles and torques are used below: the map names angles, so what it leaves out is not read
     chosen = {
         key: value for key, value in words.data(out).items() if key.partition(".")[0] not in ("dq", "q_cmd", "dq_cmd")
     }

@@ -14,6 +14,7 @@ import numpy as np
 from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.recordings.checks.quality import Limits
+from vispeg.recordings.columns import SPATIAL_SIGNALS, columns_of
 from vispeg.recordings.importers.guess import values
 from vispeg.recordings.importers.guess.names import (
     FILL,
@@ -230,6 +231,10 @@ def propose(
             out.lines.append(
                 Line(f"{signal}.{joint}", m.name, of.name, f"{words}; {of.why}", of.sure, of.named, scale, offset)
             )
+    for signal in SPATIAL_SIGNALS:
+        own = columns_of(signal, ())
+        if set(own) <= {m.name for m in numeric}:
+            out.lines += [Line(name, name, "", "a recording's column has this name", "stated") for name in own]
     out.rows = _rows(table, out, time)
     _leftover(table, meanings, out)
     if len(out.joints) < len(joints):
