@@ -23,9 +23,11 @@ from vispeg.recordings.importers.mapping import ColumnMap
 from vispeg.recordings.importers.table import import_table
 from vispeg.recordings.load import load as load_recording
 from vispeg.recordings.noise import NOISE
+from vispeg.recordings.recording import Control
 from vispeg.recordings.windows import taken
 from vispeg.recordings.write import write
 from vispeg.robots.model import load
+from vispeg.sim.rollout import simulate
 from vispeg.worlds.model_file import load_model, model_text
 from vispeg.worlds.world import World
 
@@ -38,11 +40,12 @@ def drag():
         """Torque against the square of the velocity."""
 
         name = "air_drag"
-        kind = "joint"
+        family = "joint"
         params = {"coefficient": Param(0.0, 0.0, 20.0, "N m s2/rad2", start=1.0, doc="torque per squared velocity")}
 
         def torque(self, state, x, p):
-            return -p["coefficient"] * x.dq * np.abs(x.dq)
+            slope = p["coefficient"] * np.abs(x.dq)
+            return -slope * x.dq / (1 + x.h * slope / x.inertia)
 
     yield REGISTRY["air_drag"]
     del REGISTRY["air_drag"]
@@ -63,6 +66,22 @@ def test_enrols_by_being_defined_and_works(drag, tmp_path):
     np.testing.assert_array_equal(one(ROBOT, null, segment).q, one(ROBOT, World(), segment).q)
 
 
+def test_a_torque_of_the_speed_at_the_steps_end_is_stable_at_its_bound_on_every_joint(drag):
+    """As the guide advises; with the speed at the step's beginning the wrist diverges."""
+    worlds = [World().add(EffectInstance.of("air_drag", joint, coefficient=20.0)) for joint in ROBOT.joints]
+    assert not simulate(ROBOT, worlds, [iiwa_segment("position", 0.5)], h_max=2e-3)[0].diverged.any()
+
+
+def test_such_a_torque_is_the_law_itself_along_a_measured_motion(drag):
+    """No step is taken there, so the speed at its end is the measured one."""
+    rec = recorded(ROBOT, "iiwa14", World(), iiwa_segment("position", 1.5), stream(1, "drag"))
+    evidence = TorqueEvidence([replace(rec, control=Control("unknown"))])
+    world = World().add(EffectInstance.of("air_drag", "joint7", coefficient=20.0))
+    speed = evidence.items[0].segment.dq[:, 6]
+    dragged = evidence.torque_of(0, world) - evidence.torque_of(0, World())
+    np.testing.assert_allclose(dragged[:, 6], 20.0 * speed * np.abs(speed), atol=1e-9)
+
+
 def test_a_second_class_of_the_same_name_is_an_error(drag):
     with pytest.raises(UserError, match="registered twice"):
 
@@ -70,7 +89,7 @@ def test_a_second_class_of_the_same_name_is_an_error(drag):
             """Of the same name."""
 
             name = "air_drag"
-            kind = "joint"
+            family = "joint"
             params = {}
 
 

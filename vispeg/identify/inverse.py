@@ -143,7 +143,8 @@ class TorqueEvidence(Evidence):
         drag = seg.dq * (fields["dof_damping"][0, dof] + speed * (square + speed * cube))
         needed = load + fields["dof_armature"][0, dof] * ddq + drag
         clock = (seg.begun + seg.time)[:, None]
-        x = DriveState(1e-3, 1e-3, seg.q, seg.dq, ddq, load, np.ones_like(needed), clock)  # steps and inertia unused
+        # a measured motion takes no step: what an effect adds for the sake of its stability vanishes
+        x = DriveState(0.0, 1e-3, seg.q, seg.dq, ddq, load, np.ones_like(needed), clock)
         dry = np.broadcast_to(fields["dof_frictionloss"][0, dof], needed.shape).copy()
         loop = EffectLoop(active)
         return needed, loop.friction(x, dry), loop.along(x, seg.cache["path"], seg.cache["at"]), loop
