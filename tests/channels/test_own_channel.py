@@ -107,6 +107,18 @@ def test_a_joint_that_was_never_read_has_no_error(sides, tmp_path):
     assert joints["joint3"]["times_floor"] == pytest.approx(joints["joint3"]["error"] / SIGMA)
 
 
+@pytest.mark.parametrize(("part", "came"), [((0,), "(300, 7)"), ((slice(None), slice(1)), "(1, 1, 7)")])
+def test_a_prediction_of_the_wrong_shape_is_one_line(sides, monkeypatch, part, came):
+    kind = type(CHANNELS[NAME])
+    right = kind.predict
+    monkeypatch.setattr(kind, "predict", lambda self, *given: right(self, *given)[part])
+    evidence, _ = CHANNELS[NAME].evidence(World("iiwa14"), ((load(sides[0]),), ()), How())
+    with pytest.raises(UserError) as caught:
+        evidence.residuals([World("iiwa14")])
+    said = str(caught.value)
+    assert f"channel '{NAME}'" in said and "expected (nworld, m, nj) = (1, " in said and said.endswith(f"got {came}")
+
+
 def test_it_is_looked_in_beside_the_joints(sides):
     both = [(load(side),) for side in sides]
     assert available(World("iiwa14"), *both) == resolve(World("iiwa14"), *both) == ("joints", NAME)

@@ -93,6 +93,20 @@ def test_a_second_class_of_the_same_name_is_an_error(drag):
             params = {}
 
 
+@pytest.mark.parametrize(
+    ("stated", "said"),
+    [
+        ({"params": {}}, "Mine.family: not stated; choices: joint, drive"),
+        ({"params": {}, "family": "joints"}, r"Mine.family: no such family; got 'joints' \(did you mean 'joint'\?\)"),
+        ({"family": "joint"}, "Mine.params: not stated"),
+    ],
+)
+def test_an_effect_without_family_or_parameters_is_refused_in_one_line(stated, said):
+    with pytest.raises(UserError, match=said):
+        type("Mine", (Effect,), {"name": "mine", **stated})
+    assert "mine" not in REGISTRY
+
+
 def test_unknown_names_list_the_choices():
     with pytest.raises(UserError, match="coulomb_friction"):
         EffectInstance.of("colomb_friction", "joint1", torque=1.0)

@@ -65,6 +65,6 @@ def test_effects_enrol_in_any_order_of_imports(order):
 
 
 def test_an_effect_of_ones_own_cannot_take_a_name_of_the_library():
-    code = "from vispeg.core.effect import Effect\nclass Mine(Effect):\n    name = 'payload'\n    params = {}\n"
+    code = "from vispeg.core.effect import Effect\nclass Mine(Effect):\n    name, family, params = 'payload', 'body', {}\n"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert done.returncode != 0 and "'payload' is registered twice" in done.stderr

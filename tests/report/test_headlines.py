@@ -54,7 +54,7 @@ def test_an_effect_that_is_added_brings_its_words():
             """Constant drag of the dress pack against motion."""
 
             name = "cable_drag"
-            kind = "joint"
+            family = "joint"
             params = {"torque": Param(0.0, 0.0, 5.0, "N m", start=0.5)}
 
         row = {"effect": "cable_drag", "where": "joint2", "params": {"torque": {"value": 0.25, "unit": "N m"}}}

@@ -98,5 +98,14 @@ class SignalEvidence(Evidence):
         return (Column(self.channel.name, values, sigma, np.isfinite(values) & late, signal.unit),)
 
     def predicted(self, channel: Column, item: Item, response: Response, worlds: Sequence[World]) -> np.ndarray:
-        """Return the channel's prediction."""
-        return self.channel.predict(response, item, worlds)
+        """Return the channel's prediction.
+
+        Raises:
+            UserError: it has the wrong shape.
+        """
+        values, shape = self.channel.predict(response, item, worlds), response.q.shape
+        if np.shape(values) != shape:
+            expected = f"(nworld, m, nj) = {shape}"
+            what = f"channel '{self.channel.name}': `predict` returned an array of the wrong shape"
+            raise UserError(what, expected=expected, got=np.shape(values))
+        return values

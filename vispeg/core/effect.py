@@ -6,7 +6,7 @@ from abc import ABC
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from vispeg.core.registry import Registry
 Family = Literal["joint", "drive", "sensor", "body", "contact", "task", "camera", "appearance"]
 ARM = ("joint", "drive", "sensor", "body")  # families that an arm alone can show; the others need a scene
 STAGES = ("free air", "geometry", "compliance", "friction", "impact")  # of a diagnosis of contact, in order
+FAMILIES: tuple[Family, ...] = get_args(Family)
 OPTICAL = ("camera", "appearance")  # families that affect only images; the others affect the physics
 Values = Mapping[str, np.ndarray]  # parameter name -> (nsim, ntarget)
 REGISTRY: Registry[Effect] = Registry("effect", "vispeg.effects")
@@ -100,6 +101,12 @@ class Effect(ABC):
         name = cls.__dict__.get("name")
         if name is None:  # an abstract helper between Effect and an effect
             return
+        file, family = cls.__module__, getattr(cls, "family", None)
+        if family not in FAMILIES:
+            what = "not stated" if family is None else "no such family"
+            raise UserError(what, file=file, key=f"{cls.__name__}.family", got=family, choices=FAMILIES)
+        if not isinstance(getattr(cls, "params", None), Mapping):
+            raise UserError("not stated", file=file, key=f"{cls.__name__}.params", expected='{"NAME": Param(...)}')
         REGISTRY.enrol(name, cls())
 
     # Targets ----------------------------------------------------------------------------------------------------
