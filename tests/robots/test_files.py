@@ -4,6 +4,9 @@ import hashlib
 import os
 import re
 import sys
+import traceback
+import urllib.error
+import urllib.request
 import warnings
 from pathlib import Path
 
@@ -302,6 +305,20 @@ def test_mjcf_whose_mass_is_in_a_missing_mesh_is_refused(tmp_path):
         load(write(tmp_path, MJCF.format(inertial=""), "arm.xml"))
 
 
+def test_the_mass_of_the_fixed_base_may_be_in_a_missing_mesh(tmp_path):
+    """It cannot move, so its mass changes nothing; that of a body that a joint moves would."""
+    whole = MJCF.format(inertial=INERTIAL).replace('<geom type="mesh" mesh="skin"/>', "")
+    base = '<worldbody><body name="pedestal"><geom type="mesh" mesh="skin"/><body name="plate">'
+    text = whole.replace("<worldbody>", base + '<geom type="mesh" mesh="skin"/>')
+    text = text.replace("</worldbody>", "</body></body></worldbody>")
+    arm, model = (load(write(tmp_path, t, f"{i}.xml")) for i, t in enumerate((text, whole)))
+    assert arm.joints == model.joints and arm.compile().nmesh == 0
+    np.testing.assert_array_equal(arm.compile().body("a").mass, model.compile().body("a").mass)
+    held = text.replace('<body name="plate">', '<body name="plate"><joint name="turn" axis="0 0 1"/>')
+    with pytest.raises(UserError, match="mass of body 'plate' comes from a mesh that is missing"):
+        load(write(tmp_path, held, "held.xml"))
+
+
 HAND = """<mujoco><compiler angle="radian"/><worldbody><body name="a"><joint name="j" axis="0 1 0"/>
 <geom size=".05" pos=".2 0 0" mass="2"/><body name="b" pos=".4 0 0"><joint name="k" axis="0 1 0"/>
 <geom size=".03" pos=".1 0 0" mass="1"/><body name="f" pos=".2 0 0"><joint name="left" axis="0 1 0"/>
@@ -435,6 +452,21 @@ def test_an_arm_is_here_where_its_folder_is(tmp_path, monkeypatch):
     assert menagerie.state("so101") == "not here"
     with pytest.raises(UserError, match="'so101' is not here.*pip install.*menagerie"):
         load("so101")
+
+
+def test_an_arm_that_cannot_be_downloaded_shows_no_traceback_of_the_network(tmp_path, monkeypatch):
+    """The message says what failed; that it was raised in sockets and HTTP clients adds nothing."""
+    pytest.importorskip("mujoco_menagerie")
+
+    def unplugged(*request, **options):
+        raise urllib.error.URLError("no network")
+
+    monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
+    monkeypatch.setenv("MENAGERIE_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(urllib.request, "urlopen", unplugged)
+    with pytest.raises(UserError, match="cannot get the robot 'unitree_z1'.*no network") as caught:
+        load("z1")
+    assert "no network" not in "".join(traceback.format_exception(caught.value)[:-1])
 
 
 FREE = '<mujoco><worldbody><body name="a"><freejoint/><geom size="1"/></body></worldbody></mujoco>'

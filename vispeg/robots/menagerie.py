@@ -137,4 +137,4 @@ def _downloaded(folder: str) -> Path | None:
         return Path(package.get(folder).path())
     except (package.MenagerieError, OSError) as error:
         what = f"mujoco-menagerie cannot get the robot '{folder}': {error}"
-        raise UserError(what, expected="a connection, or MENAGERIE_ROOT set to a checkout") from error
+        raise UserError(what, expected="a connection, or MENAGERIE_ROOT set to a checkout") from None

@@ -24,8 +24,8 @@ def read_mjcf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
     fields and textures are dropped; geoms of missing meshes and height fields are dropped too.
 
     Raises:
-        UserError: the file is refused by `check_resources` or by MuJoCo, or the mass of a body other than the world
-            depends on a missing mesh.
+        UserError: the file is refused by `check_resources` or by MuJoCo, or the mass of a body that moves depends on a
+            missing mesh.
     """
     check_resources(path)
     try:
@@ -72,7 +72,8 @@ def _drop_missing(spec: mujoco.MjSpec, path: Path) -> None:
     for geom in list(spec.geoms):
         if geom.meshname in meshes or geom.hfieldname in fields:
             body = geom.parent
-            if body.name != "world" and not body.explicitinertial and geom.mass != 0.0 and geom.density != 0.0:
+            weighs = not body.explicitinertial and geom.mass != 0.0 and geom.density != 0.0
+            if weighs and (_moves(body) or spec.compiler.settotalmass > 0):  # a share of a total depends on each mass
                 file = meshes[geom.meshname].file if geom.meshname in meshes else fields[geom.hfieldname].file
                 raise UserError(
                     f"the mass of body '{body.name}' comes from a mesh that is missing ({file})",
@@ -90,6 +91,11 @@ def _drop_missing(spec: mujoco.MjSpec, path: Path) -> None:
             for material in spec.materials:
                 material.textures = ["" if t == texture.name else t for t in material.textures]
             spec.delete(texture)
+
+
+def _moves(body: mujoco.MjsBody) -> bool:
+    """Return whether a joint moves the body."""
+    return body.name != "world" and (bool(body.joints) or _moves(body.parent))
 
 
 def _missing(spec: mujoco.MjSpec, base: Path, folder: str, file: str) -> bool:

@@ -50,9 +50,10 @@ def _solved(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) 
     score = np.where(error < EXACT, _score(robot, q, nominal.operational(q)[1], np.array(pos)), 0.0)
     best = int(score.argmax())
     if score[best] <= 0.0:
-        what = "the arm cannot hold its tool there within its joint limits"
-        expected = "a pose in its reach, or robot.home"
-        raise UserError(what, file=robot.name, expected=expected, got=np.round(pos, 4).tolist())
+        place, turn = np.round(pos, 4).tolist(), np.round(quat, 4).tolist()
+        what = f"no posture within the joint limits holds the flange at {place} m, turned by {turn} (w x y z) in the base"
+        expected = "a pose in reach (task.fixture), a flange turned about its z axis (robot.flange_quat), or robot.home"
+        raise UserError(what, file=robot.name, expected=expected)
     return tuple((np.round(q[best] / ROUND) * ROUND).tolist())
 
 
