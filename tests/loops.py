@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from pathlib import Path
 from tempfile import mkdtemp
+from zlib import crc32
 
 import numpy as np
 
@@ -74,7 +75,10 @@ def drive(
     compensation: str = "none",
     nullspace: Nullspace | None = None,
 ) -> Segment:
-    """A segment that starts at (q0, dq0) and holds `command` (n, ...) or its single row; the mode names the command."""
+    """A segment that starts at (q0, dq0) and holds `command` (n, ...) or its single row; the mode names the command.
+
+    For a law in open loop take the mode `passive`, and `one(.., observer=False)`.
+    """
     n, nj = round(seconds * rate), len(robot.joints)
     width = 6 if mode == "osc" else nj
     gains = [np.broadcast_to(np.asarray(g, float), (width,)).copy() for g in (kp, kd)]
@@ -124,7 +128,10 @@ def mode_of(kind: Effect) -> str:
 
 
 def one(robot: RobotModel, world: World, segment: Segment, **options) -> Response:
-    """The response of a single world to a single segment."""
+    """The response of a single world to a single segment.
+
+    In open loop (`passive`, `torque`) the arm is pulled towards the segment's motion unless `observer=False`.
+    """
     return simulate(robot, [world], [segment], **options)[0]
 
 
@@ -146,7 +153,7 @@ def recorded(
 ) -> Recording:
     """A noisy recording of a world's response to a segment, in memory; `label` is what a recording calls the robot.
 
-    A commanded robot stands still for a while before, so that it starts in balance. A servo's has a load, not a torque.
+    Its path is of its own, as a folder is: a fit refuses the same recording twice. A commanded robot stands still for a while before, so that it starts in balance. A servo's has a load, not a torque.
     """
     rest = 0 if segment.control.mode in ("torque", "passive") else round(0.6 / segment.tick)
     y = one(robot, world, _rested(segment, rest), h_max=h_max)
@@ -158,7 +165,7 @@ def recorded(
     if servo:
         felt = {"load": tau, "noise": {"q": q_noise}}
     return Recording(
-        Path("made-up"), label, robot.joints, 1.0 / segment.tick, segment.control, segment.time, q,
+        Path(f"made-up-{crc32(q.tobytes()):08x}"), label, robot.joints, 1.0 / segment.tick, segment.control, segment.time, q,
         **felt, **segment.command,
     )  # fmt: skip
 

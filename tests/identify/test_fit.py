@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from loops import drive, hinge, pendulum, recorded
 
+import vispeg
 from vispeg.core.effect import EffectInstance
+from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.compare import compare
 from vispeg.identify.calibrate import calibrate
@@ -44,6 +46,15 @@ def evidence(world: World, seed: int, segments=None) -> Evidence:
         recorded(ROBOT, ROBOT.source, world, s, stream(seed, i), h_max=2.5e-3) for i, s in enumerate(segments)
     ]
     return Evidence(recordings, h_max=2.5e-3)
+
+
+def test_recordings_in_memory_are_told_apart_by_python_too():
+    """Two of them are fitted; one given twice is refused, for its noise would count as new evidence."""
+    first, second = (recorded(ROBOT, ROBOT.source, TRUTH, motion(), stream(7, i)) for i in range(2))
+    (damping,) = vispeg.fit(ROBOT.source, [first, second], ["viscous_friction:hinge"]).effects
+    assert damping.params["damping"].value > 0.3
+    with pytest.raises(UserError, match="given twice"):
+        vispeg.fit(ROBOT.source, [first, first], ["viscous_friction:hinge"])
 
 
 def fit(ev: Evidence, start: World, free=None, **options):

@@ -113,7 +113,7 @@ def compare(
     Args:
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
         recordings: recordings of one robot to compare with.
-        channels: channels to compare: joints, contact, pictures; default: the channels that `vispeg diagnose` uses.
+        channels: channels to compare; an unknown name lists all; default: the channels that `vispeg diagnose` uses.
         seconds: of longer recordings, use only the most informative windows, this many seconds in total; 0 uses
             everything.
         threads: number of threads for the simulation.

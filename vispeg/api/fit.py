@@ -126,7 +126,7 @@ def fit(
             starts at the model's value, or else at a typical one; a servo or a limit without any start value starts at
             an estimate from the recordings.
         validate: held-out recordings, never fitted.
-        channels: channels to choose from: joints, contact, pictures. The fit uses one, the first in which most of the
+        channels: channels to choose from; an unknown name lists all. The fit uses one, the first in which most of the
             effects are visible; default: the channels that `vispeg diagnose` uses.
         seconds: of longer recordings, use only the most informative windows, this many seconds in total; 0 uses
             everything.
