@@ -70,7 +70,11 @@ class SnapConfig(TaskConfig):
 
 @lru_cache(maxsize=8)
 def cell(
-    robot: RobotConfig, clearance_mm: float, spring: float, fixture: tuple[float, ...], cameras: tuple[str, ...]
+    robot: RobotConfig,
+    clearance_mm: float,
+    spring: float,
+    fixture: tuple[float, float, float],
+    cameras: tuple[str, ...],
 ) -> Scene:
     """Give the package's cell with a square plug, a latch in it, and a lip in the socket's wall on the latch's side."""
     shape = SceneConfig(
@@ -110,7 +114,9 @@ class SnapTrack(Track):
 
     back: float = 0.0
 
-    def add(self, config: SnapConfig, forces: np.ndarray, tip: np.ndarray, back: float = 0.0) -> None:
+    def add(
+        self, config: SnapConfig, forces: np.ndarray, tip: np.ndarray, back: float = 0.0, **observed: float
+    ) -> None:
         super().add(config, forces, tip)
         self.back = back
 
