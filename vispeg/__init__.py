@@ -10,51 +10,29 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from vispeg import effects
-    from vispeg.api.calibrate import calibrate
-    from vispeg.api.compare import compare
-    from vispeg.api.datasets import render_dataset
-    from vispeg.api.diagnose import diagnose
-    from vispeg.api.environments import make, make_vec
-    from vispeg.api.evaluate import evaluate
-    from vispeg.api.films import play
-    from vispeg.api.fit import fit
-    from vispeg.api.gap import gap
-    from vispeg.api.inputs import load_recording
-    from vispeg.api.opened import load
-    from vispeg.api.policies import load_policy
-    from vispeg.api.recording.check import check
-    from vispeg.api.recording.convert import convert
-    from vispeg.api.recording.record import record
-    from vispeg.api.train import train
-    from vispeg.core.errors import UserError
-    from vispeg.task.world_file import load_world
-    from vispeg.worlds.world import World
+    from vispeg import effects as effects
+    from vispeg.api.calibrate import calibrate as calibrate
+    from vispeg.api.compare import compare as compare
+    from vispeg.api.datasets import render_dataset as render_dataset
+    from vispeg.api.diagnose import diagnose as diagnose
+    from vispeg.api.environments import make as make
+    from vispeg.api.environments import make_vec as make_vec
+    from vispeg.api.evaluate import evaluate as evaluate
+    from vispeg.api.films import play as play
+    from vispeg.api.fit import fit as fit
+    from vispeg.api.gap import gap as gap
+    from vispeg.api.inputs import load_recording as load_recording
+    from vispeg.api.opened import load as load
+    from vispeg.api.policies import load_policy as load_policy
+    from vispeg.api.recording.check import check as check
+    from vispeg.api.recording.convert import convert as convert
+    from vispeg.api.recording.record import record as record
+    from vispeg.api.train import train as train
+    from vispeg.core.errors import UserError as UserError
+    from vispeg.task.world_file import load_world as load_world
+    from vispeg.worlds.world import World as World
 
 __version__ = "0.1.0"
-__all__ = [
-    "UserError",
-    "World",
-    "calibrate",
-    "check",
-    "compare",
-    "convert",
-    "diagnose",
-    "effects",
-    "evaluate",
-    "fit",
-    "gap",
-    "load",
-    "load_policy",
-    "load_recording",
-    "load_world",
-    "make",
-    "make_vec",
-    "play",
-    "record",
-    "render_dataset",
-    "train",
-]
 
 _PLACES = {
     "UserError": "vispeg.core.errors",
@@ -78,6 +56,8 @@ _PLACES = {
     "render_dataset": "vispeg.api.datasets",
     "train": "vispeg.api.train",
 }
+if not TYPE_CHECKING:  # type checkers, which cannot read it, take the imports `as` the same name for the public ones
+    __all__ = ["effects", *_PLACES]
 
 
 def __getattr__(name: str) -> object:
@@ -93,7 +73,7 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), "effects", *_PLACES})
 
 
 if "gymnasium" in sys.modules:  # `gymnasium.make("vispeg:NAME")` imports this and looks in its own registry
