@@ -45,6 +45,11 @@ def test_pages_that_the_code_cites_are_there():
     assert names and {name for _, name in missing} <= {"ORDER.md"}, missing  # which `measure plan` writes
 
 
+def test_tests_that_the_documents_name_are_there():
+    named = {(page.name, path) for page in PAGES for path in re.findall(r"`(tests/[\w/.]+)`", page.read_text("utf-8"))}
+    assert named and not [(page, path) for page, path in named if not (ROOT / path).exists()]
+
+
 def prose(page: Path) -> str:
     """The page without its blocks of code."""
     return re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)

@@ -151,7 +151,11 @@ class Effect(ABC):
         raise NotImplementedError
 
     def torque(self, state: Any, x: Any, p: Values) -> np.ndarray:
-        """Return the torque (nsim, nj) N m on the links that no actuator commands."""
+        """Return the torque (nsim, nj) N m on the links that no actuator commands.
+
+        It is held over the physics step. A torque `-s dq` of the speed at its beginning diverges on a light link if
+        `s` exceeds about `inertia / h`; with that at its end, `-s * x.dq / (1 + x.h * s / x.inertia)`, it does not.
+        """
         raise NotImplementedError
 
     def along(self, path: np.ndarray, at: np.ndarray, x: Any, p: Values) -> np.ndarray:
