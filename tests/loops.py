@@ -153,7 +153,8 @@ def recorded(
 ) -> Recording:
     """A noisy recording of a world's response to a segment, in memory; `label` is what a recording calls the robot.
 
-    Its path is of its own, as a folder is: a fit refuses the same recording twice. A commanded robot stands still for a while before, so that it starts in balance. A servo's has a load, not a torque.
+    Its path is of its own, as a folder is: a fit refuses the same recording twice. A commanded robot stands still for a
+    while before, so that it starts in balance. A servo's has a load, not a torque.
     """
     rest = 0 if segment.control.mode in ("torque", "passive") else round(0.6 / segment.tick)
     y = one(robot, world, _rested(segment, rest), h_max=h_max)
@@ -164,8 +165,9 @@ def recorded(
     felt = {"tau": tau, "torque_sensor": sensor, "noise": {"q": q_noise, "tau": tau_noise}}
     if servo:
         felt = {"load": tau, "noise": {"q": q_noise}}
+    path = Path(f"made-up-{crc32(q.tobytes()):08x}")
     return Recording(
-        Path(f"made-up-{crc32(q.tobytes()):08x}"), label, robot.joints, 1.0 / segment.tick, segment.control, segment.time, q,
+        path, label, robot.joints, 1.0 / segment.tick, segment.control, segment.time, q,
         **felt, **segment.command,
     )  # fmt: skip
 

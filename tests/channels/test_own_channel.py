@@ -75,9 +75,7 @@ def sides(tmp_path_factory):
 
 def test_a_signal_that_is_missing_is_not_called_a_short_recording(sides):
     rec = load(sides[0])
-    gone = replace(
-        rec.signals[NAME], values=np.where(rec.time[:, None] < 0.3, rec.signals[NAME].values, np.nan)
-    )
+    gone = replace(rec.signals[NAME], values=np.where(rec.time[:, None] < 0.3, rec.signals[NAME].values, np.nan))
     with pytest.raises(UserError, match="no reading after the first 0.4 s of an episode"):
         CHANNELS[NAME].evidence(World("iiwa14"), ((replace(rec, signals={NAME: gone}),), ()), How())
 
@@ -234,7 +232,8 @@ def test_what_a_header_declares_must_be_there(sides, tmp_path, capsys):
     out = ["--out", str(tmp_path / "out")]
     assert main(["compare", "iiwa14", "--recording", str(sides[0]), "--channels", "amperes", *out]) == 2
     said = capsys.readouterr().err
-    assert "unknown channel" in said and ", ".join(c.name for c in ordered()) in said and "joints" in said and NAME in said
+    names = [channel.name for channel in ordered()]
+    assert "unknown channel" in said and f"choices: {', '.join(names)};" in said and {"joints", NAME} < {*names}
 
 
 def test_a_log_with_it_comes_in_by_a_map(sides, tmp_path):

@@ -51,7 +51,7 @@ def _solved(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) 
     best = int(score.argmax())
     if score[best] <= 0.0:
         place, turn = np.round(pos, 4).tolist(), np.round(quat, 4).tolist()
-        what = f"no posture within the joint limits holds the flange at {place} m, turned by {turn} (w x y z) in the base"
+        what = f"no posture within the joint limits holds the flange at {place} m, {turn} (w x y z) in the base"
         expected = "a pose in reach (task.fixture), a flange turned about its z axis (robot.flange_quat), or robot.home"
         raise UserError(what, file=robot.name, expected=expected)
     return tuple((np.round(q[best] / ROUND) * ROUND).tolist())
