@@ -1,13 +1,15 @@
 """Effects that torques call for, before any rollout."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
 
 from vispeg.core.effect import REGISTRY, EffectInstance
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.proposal import propose
+from vispeg.diagnosis.proposal import linear_of, propose
 from vispeg.identify.drives import Drives
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
@@ -65,6 +67,37 @@ def test_measured_torques_of_an_unknown_controller_say_the_same(sides):
 
 def test_nothing_is_proposed_for_the_right_model(sides):
     assert not propose(HIDDEN, *sides).named
+
+
+@pytest.fixture(scope="module")
+def linear(sides):
+    return linear_of(World(), *sides)
+
+
+@pytest.mark.parametrize(
+    "new, count", [("payload(flange)", 3), ("hysteresis(joint2)", 0), ("rotor_inertia(joint3)", 0)]
+)
+def test_one_effect_takes_the_place_of_all_that_it_makes_superfluous(linear, new, count):
+    """As the best of all sets with it and some of the others does; a load makes the three links superfluous."""
+    labels = [s.probe.label for s in linear.entries]
+    links = ("link_com(link6)", "link_com(link7)", "link_mass(link7)")
+    beside = ("cable_spring(joint6)", "viscous_friction(joint2)", "joint_bias(joint4)")
+    chosen, k = [labels.index(e) for e in (*links, *beside)], labels.index(new)
+    subsets = (c for n in range(len(chosen) + 1) for c in combinations(chosen, n))
+    best = max(([*c, k] for c in subsets), key=linear.merit)
+    move = linear.in_place(chosen, k)
+    if not count:
+        assert move is None and sorted(best) == sorted([*chosen, k])
+        return
+    assert move == (linear.merit(best), f"{', '.join(links)} > {new}", best)
+
+
+def test_no_effect_takes_the_place_of_others_in_what_the_search_ends_with(linear):
+    chosen, _ = linear.search()
+    better = linear.merit(chosen) + RULES.first_gain
+    for k in set(range(len(linear.entries))) - set(chosen):
+        move = linear.in_place(chosen, k)
+        assert move is None or move[0] < better or not linear.possible(move[2])
 
 
 def test_what_is_too_short_for_torques_is_left_out(sides):

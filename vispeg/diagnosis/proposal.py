@@ -1,4 +1,4 @@
-"""Propose effects in torque space, in seconds: a linear model of every effect, searched by add, remove and swap.
+"""Propose effects in torque space, in seconds: a linear model of every effect, searched by add, remove and exchange.
 
 Along a measured motion (q, dq, ddq) the drive of joint j gave tau_j, measured or computed from a known controller. The
 nominal arm needs tau0_j by inverse dynamics. For effects whose torque is linear in their sizes c, the difference is
@@ -52,6 +52,8 @@ from vispeg.worlds.world import World
 
 STEPS = 3  # most Gauss-Newton steps of the last fit
 BATCH = 16  # worlds whose torques are computed at once, to limit memory
+
+Move = tuple[float, str, list[int]]  # L + H after it, its words, and the set that it leads to
 
 
 @dataclass(frozen=True)
@@ -127,14 +129,19 @@ def propose(world: World, fitted: Sequence[Recording], held_out: Sequence[Record
         world: the model as given.
         fitted, held_out: recordings of one arm; those without known drive torque are left out.
     """
+    linear = linear_of(world, fitted, held_out)
+    return None if linear is None else linear.proposal(*linear.search())
+
+
+def linear_of(world: World, fitted: Sequence[Recording], held_out: Sequence[Recording]) -> Linear | None:
+    """Return the linear model in which `propose` searches; None as there."""
     ours, theirs = Drives(fitted), Drives(held_out)
     if not ours or not theirs:
         return None
     data = _Side(world, ours), _Side(world, theirs)
     if not data[0].moves.any() or not data[1].moves.any():
         return None
-    linear = Linear(_candidates(world, ours), data, noise(ours.recordings, world))
-    return linear.proposal(*linear.search())
+    return Linear(_candidates(world, ours), data, noise(ours.recordings, world))
 
 
 def placed(proposal: Proposal | None) -> list[EffectInstance]:
@@ -312,46 +319,79 @@ class Linear:
         """Search for the set of which no move raises L + H; also return the moves that led to it.
 
         The held-out residual of a joint measures there the error of the laws' form. While it exceeds the variance
-        assumed so far, the search continues with the larger variance, until that changes nothing in the set.
+        assumed so far, the search continues with the larger variance, until that changes nothing in the set. Then one
+        effect is tried in place of several (`in_place`): masses and centres of links may imitate a load so well that
+        no exchange of one for one leads to it.
         """
         chosen, path = self.climb([])
         while True:
             c, i = self.score(chosen)[2], self._rows(chosen)
             squares = np.array([_squared(c, i, *joint) for joint in zip(*self.parts[1], strict=True)])
             self.weigh(np.maximum(self.variance, squares / np.maximum(self.sides[1].moves.sum(axis=0), 1)))
-            chosen, moves = self.climb(chosen)
-            if not moves:
-                return chosen, path
-            path += moves
+            chosen, climbed = self.climb(chosen)
+            path += climbed
+            if not climbed:
+                moves = (self.in_place(chosen, k) for k in self._free(chosen))
+                best = self._best(chosen, [m for m in moves if m is not None])
+                if best is None:
+                    return chosen, path
+                _, move, chosen = best
+                path.append(move)
 
     def climb(self, chosen: list[int]) -> tuple[list[int], list[str]]:
         """Add, remove or swap an effect, whichever raises L + H most, until no move raises it by `first_gain`.
 
         Return the set and the moves.
         """
-        now, path = self.score(chosen), []
+        path: list[str] = []
         while True:
-            moves = []
-            for k in self.additions(chosen):
-                new = self.score([*chosen, k])
-                if new[1] > now[1]:
-                    moves.append((new[0] + new[1], f"+ {self._label(k)}", [*chosen, k]))
-            for k in chosen:
-                kept = [c for c in chosen if c != k]
-                new = self.score(kept)
-                if self.possible(kept):
-                    moves.append((new[0] + new[1], f"- {self._label(k)}", kept))
-                for other in self.additions(kept):
-                    if other != k:
-                        new = self.score([*kept, other])
-                        label = f"{self._label(k)} > {self._label(other)}"
-                        moves.append((new[0] + new[1], label, [*kept, other]))
-            best = max(moves, default=None, key=lambda m: m[0])
-            if best is None or best[0] < now[0] + now[1] + RULES.first_gain:
+            best = self._best(chosen, self._single(chosen))
+            if best is None:
                 return chosen, path
-            chosen = best[2]
-            now = self.score(chosen)
-            path.append(best[1])
+            _, move, chosen = best
+            path.append(move)
+
+    def _best(self, chosen: Sequence[int], moves: Sequence[Move]) -> Move | None:
+        """Return the move to a possible set that raises L + H most; None if none raises it by `first_gain`."""
+        least = self.merit(chosen) + RULES.first_gain
+        return max((m for m in moves if m[0] >= least and self.possible(m[2])), default=None, key=lambda m: m[0])
+
+    def _single(self, chosen: list[int]) -> list[Move]:
+        """Return the moves that add, remove or swap one effect."""
+        moves, held = [], self.score(chosen)[1]
+        for k in self.additions(chosen):
+            evidence, likelihood, _ = self.score([*chosen, k])
+            if likelihood > held:
+                moves.append((evidence + likelihood, f"+ {self._label(k)}", [*chosen, k]))
+        for k in chosen:
+            kept = [c for c in chosen if c != k]
+            moves.append((self.merit(kept), f"- {self._label(k)}", kept))
+            swapped = [other for other in self.additions(kept) if other != k]
+            moves += [(self.merit([*kept, o]), f"{self._label(k)} > {self._label(o)}", [*kept, o]) for o in swapped]
+        return moves
+
+    def in_place(self, chosen: Sequence[int], new: int) -> Move | None:
+        """Return the move that adds `new` and removes, one by one, what then raises L + H by its removal.
+
+        None if nothing is removed, or if `new` does not raise L of the others that stay, as an addition must.
+        """
+        best, out = [*chosen, new], []
+        value = self.merit(best)
+        while True:
+            fewer = [[c for c in best if c != k] for k in best if k != new]
+            after, kept = max(((self.merit(s), s) for s in fewer), default=(-np.inf, best))
+            if after <= value:
+                break
+            out += set(best) - set(kept)
+            value, best = after, kept
+        without = [k for k in best if k != new]
+        if not out or self.score(best)[0] <= self.score(without)[0]:
+            return None
+        return value, f"{', '.join(map(self._label, out))} > {self._label(new)}", best
+
+    def merit(self, chosen: Sequence[int]) -> float:
+        """Return L + H of a set of entries."""
+        return sum(self.score(chosen)[:2])
 
     def proposal(self, chosen: Sequence[int], path: Sequence[str]) -> Proposal:
         """Return the proposal of a set of entries, with sizes refined by the exact, nonlinear laws."""
@@ -360,10 +400,10 @@ class Linear:
             placed.append(self.entries[k].placed(c[at : at + len(self.of[k])].tolist()))
             at += len(self.of[k])
         placed = _fitted(self.sides[0], placed, self.weight)
-        total, shares, named = sum(self.score(chosen)[:2]), self._shares(chosen), []
+        total, shares, named = self.merit(chosen), self._shares(chosen), []
         for k, effect_there in zip(chosen, placed, strict=True):
             kept = [other for other in chosen if other != k]
-            equals = [o for o in self.additions(kept) if sum(self.score([*kept, o])[:2]) > total - RULES.first_tie]
+            equals = [o for o in self.additions(kept) if self.merit([*kept, o]) > total - RULES.first_tie]
             keys = dict.fromkeys(self.entries[o].key for o in equals if self.entries[o].key != self.entries[k].key)
             named.append(Named(effect_there, shares[k], tuple(keys)))
         named.sort(key=lambda n: -n.share)
