@@ -284,7 +284,6 @@ class Evidence(Freedom):
         Where the mean squared error over noise is above the median of the column over all items, it counts as one at
         the median: the noise is widened. `residual` (n,) is that of the model, under the weights so far.
         """
-        before = self._widened()
         counts = [np.maximum(item.valid.sum(axis=0), 1) for item in self.items]
         errors = [total / n for total, n in zip(self.squares(residual), counts, strict=True)]
         wide = [np.ones_like(e) for e in errors]
@@ -292,6 +291,11 @@ class Evidence(Freedom):
             usual = max(1.0, float(np.median([errors[i][c] for i, c in pairs])))
             for i, c in pairs:
                 wide[i][c] = max(1.0, errors[i][c] / usual) ** 0.5
+        return self.widen(wide)
+
+    def widen(self, wide: Sequence[np.ndarray | float]) -> np.ndarray:
+        """Set the factors (nch,) by which each item's noise is widened; return the residual's factors (n,)."""
+        before = self._widened()
         self.items = [replace(item, widened=w) for item, w in zip(self.items, wide, strict=True)]
         return before / self._widened()
 

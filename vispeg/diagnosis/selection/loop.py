@@ -47,6 +47,9 @@ class Loop(ABC):
     def bound(self, state: State) -> None:
         """Compute intervals of the fitted effects; by default not at all, as fits give them."""
 
+    def back_to(self, state: State) -> None:
+        """Prepare to go on from an earlier state; by default there is nothing to prepare."""
+
     def announce(self, state: State) -> None:
         """Report the state of the search before a step."""
 

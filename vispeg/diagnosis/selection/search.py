@@ -96,6 +96,10 @@ class Search(Loop, Shown, Proposals):
         state.cross = self.cross.loss_of(state.fit, state.residual)
         return state
 
+    def back_to(self, state: State) -> None:
+        """Give the fitted recordings the weights that they had in an earlier state."""
+        self.evidence.widen(state.widened)
+
     def announce(self, state: State) -> None:
         """Report the model and its held-out error."""
         self.say(f"{state.world.label}: held-out {floors(self.judge.mean(state.loss))} x noise; screening")

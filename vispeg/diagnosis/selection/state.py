@@ -40,6 +40,7 @@ class State:
             (`noise_motion.within_noise`); then nothing is added.
         rivals: of the accepted effects, when a replacement was last tried.
         replaced: labels of effects that a better rival has replaced; they do not come back.
+        widened: for each fitted item the factors by which its noise is widened (`weigh`); none if nothing is weighed.
         concluded: whether the search made its last revision (`ContactSearch`), so that no move follows.
     """
 
@@ -58,6 +59,7 @@ class State:
     within_noise: bool = False
     rivals: Sequence[Rivals] = ()
     replaced: frozenset[str] = frozenset()
+    widened: Sequence[np.ndarray | float] = ()
     concluded: bool = False
 
     @property
@@ -72,6 +74,7 @@ class State:
     def weigh(self, evidence: Evidence) -> None:
         """Weigh the fitted recordings by the errors that the present world leaves in them (`Evidence.weigh`)."""
         factor = evidence.weigh(self.residual)
+        self.widened = [item.widened for item in evidence.items]
         self.residual = self.residual * factor
         if self.fit is not None:
             columns = tuple(c * factor[:, None] for c in self.fit.columns)

@@ -207,7 +207,9 @@ class Study:
         """Undo the last step. Raises UserError: there is none."""
         if not self.before:
             raise UserError("there is nothing to take back")
+        search, _ = self._searching()
         self.state, self.rungs, self.unsearched = self.before.pop()
+        search.back_to(self.state)
         self.done.pop()
         self._write()
         self.scores = {}

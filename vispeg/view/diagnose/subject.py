@@ -34,6 +34,10 @@ class Steps(Protocol):
         """Return the state at the start of a search; the world's effects after the first `n_fixed` are fitted again."""
         ...
 
+    def back_to(self, state: State) -> None:
+        """Prepare to go on from an earlier state."""
+        ...
+
     def worth_it(self, state: State) -> bool:
         """Return whether another effect may be added."""
         ...
