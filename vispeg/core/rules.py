@@ -341,9 +341,6 @@ class Proposed:
         "Width of the prior of a shape in the first proposal, as a share of its range.",
         reason="so wide that the data decide",
         case="at half and at double the same effects in 35 of 35 cases of seed 4711 (e6f7533f)")
-    first_gain: float = _rule(1.0, "joints", "ecf3a9b7",
-        "Nats that a move of the first proposal must gain.",
-        reason="a factor of e in odds")
     first_tie: float = _rule(3.0, "joints", "ecf3a9b7",
         "Nats within which another effect is as likely in the first proposal.",
         reason="odds of 20 to 1")

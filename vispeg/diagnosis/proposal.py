@@ -208,7 +208,8 @@ def _candidates(world: World, drives: Drives) -> list[Probe]:
 class Linear:
     """The linear model of all candidates, on fitted and held-out recordings, as Gram matrices.
 
-    Sets of effects (`chosen`) are lists of indices into `entries`.
+    Sets of effects (`chosen`) are lists of indices into `entries`; in a search they are sorted, so that rounding cannot
+    make one set better than itself.
 
     Args:
         candidates: effects with the values at which their columns are evaluated.
@@ -339,7 +340,7 @@ class Linear:
                 path.append(move)
 
     def climb(self, chosen: list[int]) -> tuple[list[int], list[str]]:
-        """Add, remove or swap an effect, whichever raises L + H most, until no move raises it by `first_gain`.
+        """Add, remove or swap an effect, whichever raises L + H most, until no move raises it.
 
         Return the set and the moves.
         """
@@ -352,22 +353,26 @@ class Linear:
             path.append(move)
 
     def _best(self, chosen: Sequence[int], moves: Sequence[Move]) -> Move | None:
-        """Return the move to a possible set that raises L + H most; None if none raises it by `first_gain`."""
-        least = self.merit(chosen) + RULES.first_gain
-        return max((m for m in moves if m[0] >= least and self.possible(m[2])), default=None, key=lambda m: m[0])
+        """Return the move to a possible set that raises L + H most; None if none raises it."""
+        now = self.merit(chosen)
+        return max((m for m in moves if m[0] > now and self.possible(m[2])), default=None, key=lambda m: m[0])
 
     def _single(self, chosen: list[int]) -> list[Move]:
         """Return the moves that add, remove or swap one effect."""
         moves, held = [], self.score(chosen)[1]
         for k in self.additions(chosen):
-            evidence, likelihood, _ = self.score([*chosen, k])
+            more = sorted([*chosen, k])
+            evidence, likelihood, _ = self.score(more)
             if likelihood > held:
-                moves.append((evidence + likelihood, f"+ {self._label(k)}", [*chosen, k]))
+                moves.append((evidence + likelihood, f"+ {self._label(k)}", more))
         for k in chosen:
             kept = [c for c in chosen if c != k]
             moves.append((self.merit(kept), f"- {self._label(k)}", kept))
             swapped = [other for other in self.additions(kept) if other != k]
-            moves += [(self.merit([*kept, o]), f"{self._label(k)} > {self._label(o)}", [*kept, o]) for o in swapped]
+            sets = [sorted([*kept, o]) for o in swapped]
+            moves += [
+                (self.merit(s), f"{self._label(k)} > {self._label(o)}", s) for o, s in zip(swapped, sets, strict=True)
+            ]
         return moves
 
     def in_place(self, chosen: Sequence[int], new: int) -> Move | None:
@@ -375,7 +380,7 @@ class Linear:
 
         None if nothing is removed, or if `new` does not raise L of the others that stay, as an addition must.
         """
-        best, out = [*chosen, new], []
+        best, out = sorted([*chosen, new]), []
         value = self.merit(best)
         while True:
             fewer = [[c for c in best if c != k] for k in best if k != new]
