@@ -251,10 +251,11 @@ def test_an_insertion_of_the_task_s_own_policy_replays_bit_for_bit():
 
 
 def test_an_episode_that_diverges_is_not_recorded():
-    """Links on long springs with heavy rotors oscillate ever more in the loop, beyond what physics steps can follow."""
-    soft = EffectInstance.of("joint_elasticity", "joint7", compliance=2e-3, relaxation=0.05, motor_inertia=5.0)
+    """Motors half as strong again, with commands and angles a tenth of a second late, drive the arm out of its loop."""
+    strong = [EffectInstance.of("torque_gain", f"joint{k}", gain=1.5) for k in range(1, 8)]
+    late = [EffectInstance.of(name, "all", delay=0.1) for name in ("command_delay", "sensor_delay")]
     with pytest.raises(UserError, match="the arm does not follow"):
-        record_expert(CELL.add(soft), 3, {}, np.random.default_rng(0), rate_hz=200.0, h_max=5e-3)
+        record_expert(CELL.add(*strong, *late), 3, {}, np.random.default_rng(0), rate_hz=25.0, h_max=5e-3)
 
 
 def test_what_only_cameras_see_moves_nothing_and_hinders_nothing():

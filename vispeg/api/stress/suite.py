@@ -1,6 +1,6 @@
 """`vispeg suite run`: the success of policies in a list of situations, in the training world and in a target.
 
-The situations are called configurations, such as a smaller clearance or a late command. The result is one version of
+The situations are called configurations, such as a coarser encoder or a late command. The result is one version of
 the policies; `vispeg suite compare` compares several.
 """
 
