@@ -1,5 +1,7 @@
 """`vispeg add`: a model file grows or changes by exactly what was asked."""
 
+import re
+
 import pytest
 
 from vispeg.core.effect import effect
@@ -77,6 +79,12 @@ def test_a_cell_has_its_cameras(vispeg, refused, tmp_path):
     (seen, felt) = load_model(tmp_path / "b.yaml").effects
     assert seen.label == "depth_scale(wrist_wide)" and felt.label == "coulomb_friction(joint4)"
     refused(["add", "b.yaml", "depth_scale", "wrist", "--out", "c.yaml"], "did you mean 'wrist_wide'")
+
+
+def test_an_effect_of_all_cameras_is_no_camera_named_all(vispeg):
+    assert vispeg("add", "peg-cell", "depth_scale", "all", "--set", "factor=1.01", "--out", "a.yaml")[0] == 0
+    code, _, said = vispeg("add", "a.yaml", "depth_scale", "nowhere", "--out", "b.yaml")
+    assert code == 2 and "external" in said and len(re.findall(r"\ball\b", said)) == 1
 
 
 def test_an_unknown_key_of_a_parameter_is_one_line(vispeg, tmp_path):

@@ -339,6 +339,7 @@ def test_text_has_no_negative_zero_and_no_false_certainty():
     )
     assert words.p_value(0.0000001) == "< 0.001" and words.p_value(None) == "-"
     assert words.percent(1.0) == "100 %" and words.percent(0.9976) == "99.8 %"
+    assert words.percent(-0.0001) == "0 %" and words.percent(-0.12) == "\N{MINUS SIGN}12 %"
 
 
 def test_a_bar_s_rate_is_rounded_once():

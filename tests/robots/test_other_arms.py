@@ -105,6 +105,15 @@ def test_a_solved_home_holds_the_pose_within_limits_and_away_from_singularities(
         home_of(robot, (1.8, 0.0, 0.2), down)
 
 
+def test_a_home_above_the_base_is_within_the_limits_too():
+    """There every vertical plane through the base's axis contains the flange."""
+    robot = replace(load("iiwa14"), home=())
+    pos, up = (0.0, 0.0, 0.9), (1.0, 0.0, 0.0, 0.0)
+    home = home_of(robot, pos, up)
+    np.testing.assert_allclose(nominal_of(robot, 1).operational(home[None])[2][0], pos, atol=3e-3)
+    assert (home > robot.range[:, 0]).all() and (home < robot.range[:, 1]).all()
+
+
 def test_a_joint_whose_range_lies_beyond_a_turn_is_solved_within_it(tmp_path):
     """A turn more or less is the same posture: it holds the tool as the arm with the range about zero does."""
     *inner, last = PANDA

@@ -73,6 +73,15 @@ def test_it_answers_in_order_and_outlives_errors(worker, ears):
     assert not worker.busy and worker.alive
 
 
+def test_what_cannot_be_sent_was_never_asked(worker, ears):
+    with pytest.raises(Exception, match="(?i)pickle"):
+        worker.ask("add", lambda: 0)
+    assert not worker.busy
+    worker.ask("add", 2)
+    ears.until("done", "add", 5)
+    assert not worker.busy
+
+
 def test_it_is_stopped_in_the_middle(worker, ears):
     worker.ask("sleep")
     ears.until("told", "asleep")

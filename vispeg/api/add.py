@@ -20,7 +20,7 @@ from vispeg.task.belief import robot_of_world
 from vispeg.worlds.identified import constant, without_interval
 from vispeg.worlds.measurement_file import load_measurement
 from vispeg.worlds.model_file import load_model, placed_dict, write_model
-from vispeg.worlds.places import acts_on
+from vispeg.worlds.places import MANY, acts_on
 from vispeg.worlds.words import completed, place, values
 from vispeg.worlds.world import World
 
@@ -131,7 +131,7 @@ def _robot_with_cameras(world: World) -> RobotModel:
     robot = robot_of_world(world)
     if not isinstance(robot, Scene):
         return robot
-    extra = [e.where for e in world.effects if effect(e.effect).family == "camera"]
+    extra = [e.where for e in world.effects if effect(e.effect).family == "camera" and e.where not in MANY]
     # only names are used, so the size, (64, 64), is arbitrary
     known = standard_cameras(robot.tip, robot.target) if robot.goal else cameras_of(robot.nominal, (64, 64))
     return replace(robot, cameras=tuple(dict.fromkeys([*(camera.name for camera in known), *extra])))

@@ -77,7 +77,8 @@ def _score(robot: RobotModel, q: np.ndarray, jac: np.ndarray, pos: np.ndarray) -
     margin = np.minimum(q - low, high - q) / (0.5 * (high - low))
     free = np.minimum(singular(jac), ENOUGH) * np.clip(margin.min(axis=1), 0.0, ROOM)
     links = _links(robot, q)
-    aside = np.abs(links[:, :, 0] * pos[1] - links[:, :, 1] * pos[0]).mean(axis=1) / np.hypot(*pos[:2])
+    out = max(float(np.hypot(*pos[:2])), 1e-9)  # a flange on the axis lies in every vertical plane through it
+    aside = np.abs(links[:, :, 0] * pos[1] - links[:, :, 1] * pos[0]).mean(axis=1) / out
     height = links[:, :, 2]
     sunk = (height < CLEAR) & (np.ptp(height, axis=0) > 1e-9)  # ignore links that no posture moves
     height = np.where(sunk.any(axis=1), 0.0, height.mean(axis=1))

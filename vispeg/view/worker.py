@@ -6,6 +6,7 @@ It reports plain data. The page stays responsive while it works, and survives if
 from __future__ import annotations
 
 import multiprocessing
+import pickle
 import signal
 import threading
 import traceback
@@ -42,9 +43,10 @@ class Worker:
 
     def ask(self, method: str, *args: Any) -> None:
         """Request a call of a method, after all earlier requests."""
+        request = pickle.dumps((method, args))  # before it counts as asked: what cannot be sent is no request
         self._asked.append(method)
         try:
-            self._pipe.send((method, args))
+            self._pipe.send_bytes(request)
         except OSError:  # the process has died, as `_listen` reports
             self._asked.clear()
 

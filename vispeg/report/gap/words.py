@@ -25,11 +25,11 @@ ROLES = {  # roles of policies without cameras, and of the scripted one
 
 
 def percent(value: float | None) -> str:
-    """Return a share in per cent, `99.4 %` for 0.994; whole numbers have no decimal."""
+    """Return a share in per cent, `99.4 %` for 0.994; whole numbers have no decimal, zero has no sign."""
     if value is None:
         return "-"
-    text = f"{100 * value:.1f}"
-    return text.removesuffix(".0") + " %"
+    text = f"{round(100 * value, 1) + 0.0:.1f}"  # + 0.0: no negative zero
+    return text.removesuffix(".0").replace("-", "\N{MINUS SIGN}") + " %"
 
 
 def rate(e: Row) -> str:
