@@ -13,9 +13,10 @@ class Snapshot:
     """The state of one row of a batch simulation at one moment.
 
     Attributes:
-        qpos: (nq,) configuration of the cell's model.
+        qpos: (nq,) configuration of the cell's model, rad, m and quaternions as MuJoCo has them.
         qvel: (nv,) velocities of its joints, rad/s and m/s.
-        bodies: by name, the poses (7,) in their parents, m and quaternion wxyz, of the bodies that the world moves.
+        bodies: name -> pose (7,) in the parent body's frame, m and quaternion wxyz, of each body that an effect of the
+            world displaces.
         count: number of policy steps since the episode began.
     """
 

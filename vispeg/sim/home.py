@@ -14,8 +14,11 @@ from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import compiled, nominal_of
 from vispeg.sim.reach import reach
 
-TRIES, ITERATIONS, EXACT = 200, 60, 1e-6  # random starts, steps from each, pose error accepted (m and rad together)
-TURN = np.pi  # rad: joints are searched within +-TURN of the middle of their range, if it is wider; unlimited ones of 0
+TRIES, ITERATIONS = 200, 60  # random starts, and steps from each
+EXACT = 1e-6  # error of the pose that is accepted, m and rad together
+TURN = (
+    np.pi
+)  # rad: a joint is searched within +-TURN of the middle of a wider range; an unlimited one within +-TURN of 0
 CLEAR = 0.10  # m: least height of moving links above the table's top, z = 0
 ENOUGH, ROOM = 0.15, 0.2  # caps in the score: smallest singular value, share of half a range left to a limit
 ASIDE = 0.05  # m, decay length of the score with the distance of links from the vertical plane, see `_score`
@@ -46,7 +49,7 @@ def _solved(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) 
     free = ~np.isfinite(robot.range[:, 0])
     wide = free | (robot.range[:, 1] - robot.range[:, 0] > 2 * TURN)
     middle = 0.5 * (low + high)[wide]
-    q[:, wide] = middle + np.mod(q[:, wide] - middle + TURN, 2 * TURN) - TURN
+    q[:, wide] = middle + np.mod(q[:, wide] - middle + TURN, 2 * TURN) - TURN  # whole turns change no pose
     score = np.where(error < EXACT, _score(robot, q, nominal.operational(q)[1], np.array(pos)), 0.0)
     best = int(score.argmax())
     if score[best] <= 0.0:

@@ -13,7 +13,7 @@ from vispeg.robots.resources import digest
 
 
 def declared(stated: Any, file: Path, base: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return `robot` of a world file as a task's setting: the fields that differ from the defaults.
+    """Return `robot` of a world file as the mapping `task["robot"]`, without the fields that have their defaults.
 
     Args:
         stated: a name or path, which replaces the robot of `base`; or a mapping, each key of which replaces that of
@@ -30,8 +30,8 @@ def declared(stated: Any, file: Path, base: Mapping[str, Any]) -> Mapping[str, A
     else:
         robot = RobotConfig.of(stated, str(file))
         robot = replace(robot, model=_beside(robot.model, file))
-    usual = asdict(RobotConfig())
-    return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(robot).items() if v != usual[k]}
+    defaults = asdict(RobotConfig())
+    return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(robot).items() if v != defaults[k]}
 
 
 def _beside(model: str, file: Path) -> str:
@@ -40,5 +40,5 @@ def _beside(model: str, file: Path) -> str:
 
 
 def identity(model: str) -> str:
-    """Return a robot's name, or the SHA-256 (hex) of its file with those it includes, the same in any folder."""
+    """Return a robot's name, or the SHA-256 (hex) of its file with those it includes (not meshes), in any folder."""
     return digest(model) if is_path(model) else model

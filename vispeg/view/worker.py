@@ -27,8 +27,8 @@ class Worker:
     Args:
         make: `make(tell, *args)` makes the object in the process; each `tell(name, value)` reaches `heard`.
         args: further arguments of `make`; must be picklable.
-        heard: called from a thread of this process: ("told", name, value), ("done", method, result), ("refused" or
-            "failed", method, text), ("stopped", method, None).
+        heard: called from a thread of this process: ("told", name, value), ("done", method, result), ("refused",
+            method, text of a UserError), ("failed", method, traceback of another error), ("stopped", method, None).
     """
 
     def __init__(self, make: Callable[..., object], args: tuple[Any, ...], heard: Heard):

@@ -21,11 +21,11 @@ from vispeg.diagnosis.selection.searching import Searching
 from vispeg.diagnosis.selection.state import State
 from vispeg.worlds.model_file import model_text
 
-STAGES = ("goal", "regulate", "drive")  # hooks of a joint's drive: two effects in the same hook are confounded
+HOOKS = ("goal", "regulate", "drive")  # methods of an effect in a joint's drive: two effects in one are confounded
 
 
 def pairs(search: Searching, state: State, missing: Sequence[MissingTorque]) -> list[Score]:
-    """Return pairs of distant effects in the joint that misses most torque, best first; the answer is stored.
+    """Return pairs of distant effects in the joint that misses most torque, best first; stored in the progress.
 
     The gain of a pair is that at its start values. `missing` is the missing torque of each fitted item.
     """
@@ -75,7 +75,7 @@ def _kinds(search: Searching, state: State, joint: str) -> Iterator[tuple[Effect
 
 def _stages(kind: Effect) -> set[str]:
     """Return the stages of a joint's drive that an effect changes."""
-    return {stage for stage in STAGES if kind.overrides(stage)}
+    return {stage for stage in HOOKS if kind.overrides(stage)}
 
 
 def _values(placed: EffectInstance) -> list:

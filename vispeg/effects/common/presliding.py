@@ -1,10 +1,11 @@
 """Presliding: parallel springs that slip one after the other, as gear teeth and cable sheaths do.
 
-Maxwell-slip elements, `torque = -mean(clip(stiffness (q - z_i), +-r_i level))`; an element that slips drags its anchor
-z_i along. The slip levels r_i are spread evenly about 1 (`YIELDS`), so the torque bends smoothly after a reversal, as
-measured presliding does; a single element would give a corner. From slack springs, all have slipped after a motion of
-1.75 `level / stiffness`. MuJoCo's own mechanism is a fixed tendon with `springyield`, which needs a compiled model for
-each candidate. Source: Iwan, Journal of Applied Mechanics 33(4), 1966, the even distribution; for friction Al-Bender,
+Four Maxwell-slip elements stand side by side. Element i is a spring from the joint to an anchor z_i, and slips at the
+torque r_i `level`; it then drags its anchor along: `torque = -mean(clip(stiffness (q - z_i), +-r_i level))`. The r_i
+are spread evenly about 1 (`YIELDS`), so the torque bends smoothly after a reversal, as measured presliding does; a
+single element would give a corner. A motion of 1.75 `level / stiffness` from slack springs makes all of them slip.
+MuJoCo's own mechanism is a fixed tendon with `springyield`, which needs a compiled model for each candidate.
+Source: Iwan, Journal of Applied Mechanics 33(4), 1966, the even distribution; for friction Al-Bender,
 Lampaert and Swevers, IEEE Trans. Automatic Control 50(11), 2005, eq. (3).
 """
 
@@ -21,7 +22,9 @@ def slack(q: np.ndarray) -> np.ndarray:
 
 
 def softened(stiffness: np.ndarray, inertia: np.ndarray, h: float) -> np.ndarray:
-    """Return the stiffness (nsim, nj) N m/rad, reduced so that steps of `h` s are stable on a link of this inertia.
+    """Return the stiffness (nsim, nj) N m/rad, reduced so that steps of `h` s are stable on links of this inertia.
+
+    `inertia` (nsim, nj) is each joint's, kg m^2.
 
     The spring torque of each step's beginning is applied (leapfrog), which is of second order and loses no energy. It
     is stable for (omega h)^2 < 4; the reduction keeps that below 2 for a joint alone.

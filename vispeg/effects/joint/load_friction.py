@@ -35,7 +35,8 @@ class LoadFriction(Effect):
         return pull(state, x.q, softened(p["stiffness"], x.inertia, x.h), p["coefficient"] * np.abs(x.tau))
 
     def along(self, path, at, x, p):
-        # the springs follow the path at the mean load; for loads within half of the mean this is right to a few percent
+        # the stretch is computed at the mean load, and its torque scaled to each sample's; for loads within half of the
+        # mean this is right to a few percent
         load = np.abs(x.tau)
         mean = np.maximum(load.mean(axis=0), 1e-9)
         stiffness, share = (np.broadcast_to(np.ravel(p[k]), path.shape[1:]) for k in ("stiffness", "coefficient"))

@@ -75,7 +75,11 @@ def add(spec: mujoco.MjSpec, cameras: tuple[Camera, ...]) -> None:
             names.add(camera.name)
             size = [PIXEL * camera.width, PIXEL * camera.height]
             _parent_body(spec, camera.parent).add_camera(
-                name=camera.name, sensor_size=size, focal_pixel=[1, 1], resolution=[camera.width, camera.height]
+                # `write` sets the focal length
+                name=camera.name,
+                sensor_size=size,
+                focal_pixel=[1, 1],
+                resolution=[camera.width, camera.height],
             )
 
 
