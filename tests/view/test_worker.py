@@ -73,6 +73,24 @@ def test_it_answers_in_order_and_outlives_errors(worker, ears):
     assert not worker.busy and worker.alive
 
 
+def test_an_answer_that_cannot_be_shown_does_not_silence_the_next(capfd):
+    ears = Ears()
+
+    def heard(*what):
+        ears(*what)
+        if what == ("done", "add", 5):
+            raise ValueError("no such widget")
+
+    made = Worker(Counter, (3,), heard)
+    try:
+        made.ask("add", 2)
+        made.ask("add", 1)
+        ears.until("done", "add", 6)
+        assert not made.busy and "no such widget" in capfd.readouterr().err
+    finally:
+        made.stop()
+
+
 def test_what_cannot_be_sent_was_never_asked(worker, ears):
     with pytest.raises(Exception, match="(?i)pickle"):
         worker.ask("add", lambda: 0)

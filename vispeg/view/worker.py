@@ -75,7 +75,10 @@ class Worker:
                 return
             if kind != "told" and self._asked:
                 self._asked.pop(0)
-            self.heard(kind, name, value)
+            try:
+                self.heard(kind, name, value)
+            except Exception:  # a mistake in what one answer shows must not silence those after it
+                traceback.print_exc()
 
 
 def _work(pipe: Connection, make: Callable[..., Any], args: tuple[Any, ...]) -> None:
