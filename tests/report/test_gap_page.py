@@ -21,7 +21,7 @@ from vispeg.evaluation.stress import exploit, perturb, sensitivity
 from vispeg.render.image_kinds import SHOWN, depth_picture
 from vispeg.report.drawings import palette
 from vispeg.report.drawings.figures import WIDE
-from vispeg.report.gap import suite_page, words
+from vispeg.report.gap import controls, suite_page, words
 from vispeg.report.gap.bars import bar
 from vispeg.report.gap.build import render, write
 from vispeg.report.gap.colours import of_categories, of_policies
@@ -367,3 +367,17 @@ def test_the_words_beside_depth_name_its_colours(tmp_path):
     side = {"world": "S", "outcome": "jam after 3.0 s"}
     html = render(gap(episodes()), [{"policy": "depth", "seed": 3, "sides": [side, side]}], tmp_path)
     assert "near is red, far is blue, no reading is black" in html
+
+
+def test_a_control_without_the_policys_own_images_makes_no_table():
+    success = {"value": 0.5, "low": 0.4, "high": 0.6, "n": 100}
+    row = {"policy": "p", "control": "", "success": success}
+    values = {
+        "policies": [{"name": "p", "modality": "proprio", "blind": True}],
+        "success": [{**row, "world": "home"}, {**row, "world": "away", "control": "blank"}],
+        "reference": "home",
+        "joint": "home",
+    }
+    shown = controls.context(values)
+    assert shown["tables"] == []
+    assert shown["blind"] == ["p sees nothing and has 50 % (40 to 60) in home"], "once, though it is both worlds"

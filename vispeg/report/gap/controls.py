@@ -12,7 +12,10 @@ TITLE = "Do the images matter?"
 
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object] | None:
-    """Return one table per world, policies by controls; None with neither controls nor blind policies."""
+    """Return one table per world; None with neither controls nor blind policies.
+
+    A row is a policy's success with its own images, then under each control; a policy without the former has none.
+    """
     rates = {(r["policy"], r["world"], r["control"]): r["success"] for r in values["success"]}
     kinds = [c for c in words.CONTROLS if c and any(k == c for _, _, k in rates)]
     kinds += sorted({k for _, _, k in rates if k and k not in words.CONTROLS})
@@ -27,11 +30,12 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object] | None:
                 name, style = policy["name"], styles[policy["name"]]
                 drawn = [None if e is None else bars.bar(name, number[name], e, style) for e in (plain_rate, *cells)]
                 rows.append({"policy": name, "number": number[name], "cells": drawn})
-        tables.append({"world": world, "rows": rows})
+        if rows:
+            tables.append({"world": world, "rows": rows})
     blind = [
         f"{p['name']} sees nothing and has {words.rate(rates[p['name'], w, ''])} in {w}"
         for p in values["policies"]
-        for w in (values["reference"], *([values["joint"]] if values["joint"] else []))
+        for w in dict.fromkeys(w for w in (values["reference"], values["joint"]) if w)
         if p["blind"] and (p["name"], w, "") in rates
     ]
     if not tables and not blind:
