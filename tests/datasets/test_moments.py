@@ -41,3 +41,21 @@ def test_late_pictures_are_found_with_and_without_a_mask(labelled, behind):
     assert set(found) <= set(range(8, 16)) and (len(found) >= 5) == bool(behind)
     if behind:
         assert own > 0.003 > 0.001 > before
+
+
+@pytest.mark.parametrize("speed", [-0.003, 0.003])
+def test_a_part_that_approaches_at_constant_speed_is_no_late_picture(speed):
+    """Then the distances with the previous labels are constant too; which of the two scatters less is chance."""
+    import trimesh
+
+    camera, rng = Camera("wall", 64, 64, 60.0, 60.0, 31.5, 31.5), np.random.default_rng(0)
+    box = trimesh.creation.box((0.06, 0.06, 0.04))
+    mesh = np.asarray(box.vertices), np.asarray(box.faces)
+    at = np.tile(np.eye(4), (30, 1, 1))
+    at[:, 2, 3] = 0.4 + speed * np.arange(30)
+    near = at[:, 2, 3, None, None] - 0.02  # its face, seen head-on
+    mask = np.all(np.abs(camera.rays()[..., :2] * near[..., None]) < 0.03, axis=-1)
+    depth = np.where(mask, near, WALL)
+    for _ in range(8):
+        noisy = depth + 3e-4 * rng.standard_normal(depth.shape)
+        assert not len(late(Seen(camera, "box", noisy, mask, at, mesh))[0])
