@@ -153,8 +153,9 @@ class Effect(ABC):
     def torque(self, state: Any, x: Any, p: Values) -> np.ndarray:
         """Return the torque (nsim, nj) N m on the links that no actuator commands.
 
-        It is held over the physics step. A torque `-s dq` of the speed at its beginning diverges on a light link if
-        `s` exceeds about `inertia / h`; with that at its end, `-s * x.dq / (1 + x.h * s / x.inertia)`, it does not.
+        It is held over the physics step. So `-s * x.dq`, with the speed at the step's beginning, diverges on a light
+        link if `s` exceeds about `inertia / h`. With the speed at the step's end it is stable:
+        `-s * x.dq / (1 + x.h * s / x.inertia)`.
         """
         raise NotImplementedError
 

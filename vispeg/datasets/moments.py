@@ -18,8 +18,9 @@ FEWEST = 20  # fewest points near a part's surface from which a distance is take
 NEAR = 0.02  # m; a point farther from the surface belongs to something else
 LEAST = 1e-3  # m; errors of usual depth sensors change by less, so a late picture's error must exceed it
 SPREADS = 4.0  # plus this many standard deviations of the distances
-CLEARER = 1 / 3  # scatter with the previous labels over that with a picture's own, below which the previous are right;
-# of 20 normal distances each, two equal scatters differ so in 3 of 1,000 cases
+# scatter with the previous labels over that with a picture's own, below which the previous are right: of two times 20
+# normal distances with the same scatter, 3 in 1,000 cases differ so
+CLEARER = 1 / 3
 
 
 @dataclass(frozen=True)

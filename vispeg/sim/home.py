@@ -16,9 +16,8 @@ from vispeg.sim.reach import reach
 
 TRIES, ITERATIONS = 200, 60  # random starts, and steps from each
 EXACT = 1e-6  # error of the pose that is accepted, m and rad together
-TURN = (
-    np.pi
-)  # rad: a joint is searched within +-TURN of the middle of a wider range; an unlimited one within +-TURN of 0
+# rad: a joint is searched within +-TURN of the middle of its range, if that is wider; an unlimited one around 0
+TURN = np.pi
 CLEAR = 0.10  # m: least height of moving links above the table's top, z = 0
 ENOUGH, ROOM = 0.15, 0.2  # caps in the score: smallest singular value, share of half a range left to a limit
 ASIDE = 0.05  # m, decay length of the score with the distance of links from the vertical plane, see `_score`
@@ -80,8 +79,8 @@ def _score(robot: RobotModel, q: np.ndarray, jac: np.ndarray, pos: np.ndarray) -
     margin = np.minimum(q - low, high - q) / (0.5 * (high - low))
     free = np.minimum(singular(jac), ENOUGH) * np.clip(margin.min(axis=1), 0.0, ROOM)
     links = _links(robot, q)
-    out = max(float(np.hypot(*pos[:2])), 1e-9)  # a flange on the axis lies in every vertical plane through it
-    aside = np.abs(links[:, :, 0] * pos[1] - links[:, :, 1] * pos[0]).mean(axis=1) / out
+    distance = max(float(np.hypot(*pos[:2])), 1e-9)  # a flange on the axis lies in every vertical plane through it
+    aside = np.abs(links[:, :, 0] * pos[1] - links[:, :, 1] * pos[0]).mean(axis=1) / distance
     height = links[:, :, 2]
     sunk = (height < CLEAR) & (np.ptp(height, axis=0) > 1e-9)  # ignore links that no posture moves
     height = np.where(sunk.any(axis=1), 0.0, height.mean(axis=1))

@@ -20,7 +20,7 @@ TOOTH_RELAXATION = 2e-3
 STEP = 1e-3  # s: at 2 ms a rotor inside the gap, under a stiff servo, becomes unstable
 # s, limits the cost to four times that of STEP. Only inertia times compliance below 1.1e-7 s^2 asks for less, 0.12 ms
 # at the corner of the bounds. There the play of the iiwa14's joints 4 and 6 is stable, and in 2 s within 1.4 gaps of
-# what it is at 0.06 ms (at 1 ms: 3.5 gaps).
+# what it is at 0.06 ms (at 1 ms: 7 gaps).
 LEAST_STEP = 2.5e-4
 PHASE = 0.75  # rad, greatest phase per step of the rotor's oscillation against the teeth; its period is then 2 % off
 
