@@ -91,14 +91,6 @@ def test_one_effect_takes_the_place_of_all_that_it_makes_superfluous(linear, new
     assert move == (linear.merit(best), f"{', '.join(links)} > {new}", best)
 
 
-def test_no_effect_takes_the_place_of_others_in_what_the_search_ends_with(linear):
-    chosen, _ = linear.search()
-    value = linear.merit(chosen)
-    for k in set(range(len(linear.entries))) - set(chosen):
-        move = linear.in_place(chosen, k)
-        assert move is None or move[0] <= value or not linear.possible(move[2])
-
-
 def test_what_is_too_short_for_torques_is_left_out(sides):
     """Episodes of 0.9 s can be compared by rollouts, and their torques are all in the filter's transients."""
     (good,), _ = sides
