@@ -7,7 +7,7 @@ import pytest
 from vispeg.task.peg.task import PegInHoleVec
 
 PUSH = 25.0  # N, as much as the controller itself may ask for
-STATED = {3.0: 0.07, 1.0: 0.08, 0.5: 0.11, 0.2: 0.04}  # clearance in mm: depth in mm, as docs/task.md has it
+STATED = {3.0: 0.07, 1.0: 0.08, 0.5: 0.11, 0.2: 0.04}  # clearance in mm: depth in mm; docs/task.md states the greatest
 
 
 @pytest.mark.parametrize(("clearance", "stated"), STATED.items())
