@@ -53,7 +53,7 @@ class AddedEffects(Summarised):
             params = effect(instance.effect).params
             each = ", ".join(f"{k} {_shown(v)} {params[k].unit}" for k, v in instance.params.items())
             lines.append(f"{instance.label}: {each}")
-        # no warning for values that the user stated, which never have an interval
+        # Warn of measured values that lack an interval. Values that the user stated never have one: no warning.
         measured = [e for e in self.added if any(v.low is not None for v in e.params.values())]
         bare = [Line(constant(e, names), warning=True) for e in measured if (names := without_interval(e))]
         return [*(Line(text, path=True) for text in lines), *bare]

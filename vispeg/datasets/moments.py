@@ -12,14 +12,14 @@ from vispeg.core.seeds import stream
 from vispeg.datasets.formats.models import Mesh
 from vispeg.render.cameras.camera import Camera
 
-POINTS = 4000  # sampled points of a surface, about 2 mm apart on a part of 0.1 m; distances are along the normal
-PIXELS = 400  # points near a part, drawn at random from a picture; their median is known to a twentieth of the scatter
+POINTS = 4000  # points that represent a part's surface: about 2 mm apart on a part of 0.1 m
+PIXELS = 400  # most depth points of a picture that are compared; their median errs by a sixteenth of their scatter
 FEWEST = 20  # fewest points near a part's surface from which a distance is taken
 NEAR = 0.02  # m; a point farther from the surface belongs to something else
 LEAST = 1e-3  # m; errors of usual depth sensors change by less, so a late picture's error must exceed it
 SPREADS = 4.0  # plus this many standard deviations of the distances
-# scatter with the previous labels over that with a picture's own, below which the previous are right: of two times 20
-# normal distances with the same scatter, 3 in 1,000 cases differ so
+# If the distances to the previous labels scatter by less than this share of those to a picture's own labels, the
+# previous labels are the right ones. Of two samples of 20 normal numbers with equal scatter, 3 in 1,000 differ so.
 CLEARER = 1 / 3
 
 
@@ -93,7 +93,8 @@ def late(seen: Seen) -> tuple[np.ndarray, float, float]:
     before = np.array([distance(t, t - 1) for t in range(1, len(depth))])
     if np.isfinite(own).sum() < 3 or np.isfinite(before).sum() < 3:
         return np.empty(0, int), np.nan, np.nan
-    # wrong labels add the motion's scatter to the distances; the others' median is the sensor's constant error
+    # The sensor's constant error and its noise are taken from the labels that are right for most pictures. With the
+    # others the distances scatter more, since they contain the part's motion between two pictures.
     (middle, scatter), (other, scatter_before) = _spread(own), _spread(before)
     if scatter_before < CLEARER * scatter:
         middle, scatter = other, scatter_before

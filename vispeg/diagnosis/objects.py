@@ -1,7 +1,7 @@
-"""Find the contact effects that a free object's model lacks: the plain search on short windows of tosses.
+"""Find the contact effects that a free object's model lacks, from recordings of its tosses.
 
-A window is a short piece of a toss that the model predicts from a measured pose at its start. Effects are fitted to
-some tosses and judged on others. Null is the value of a parameter at which an effect does nothing.
+Each toss is cut into short windows, and the model predicts a window from the measured pose at its start. Effects are
+fitted to some tosses and judged on others. Null is the value of a parameter at which an effect does nothing.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ from vispeg.robots.objects import ObjectModel
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
-WINDOWS = {"41 ms": 0.041, "162 ms": 0.162, "whole tosses": None}  # lengths, s; the search uses the first
+# Name -> length (s) of the windows; None: each toss is one window. The search uses the first, the record has all.
+WINDOWS = {"41 ms": 0.041, "162 ms": 0.162, "whole tosses": None}
 TOSS = "Let the object go by hand, 20 times or more, each time turned otherwise, and record its pose, a toss an episode"
 WEIGH = "Weigh the object five times (`vispeg measure mass`), and write its mass into the model"
 
@@ -84,14 +85,13 @@ class ObjectSearch(PlainSearch):
     def shows_from(self, state: State) -> list[ShowsFrom]:
         """Return for each effect that a state lacks the parameter values that would go unnoticed in held-out tosses.
 
-        On each side of null they reach to the first tried size that would pass the held-out tests with probability
-        `power`. If a fraction of that size would pass, as the change of the residual is taken to grow linearly with the
-        size, they reach to that fraction, but at least to the last size that would fail.
+        For each tried value, `least_alone` gives the multiple of its distance from null that would just pass the
+        held-out tests, if the change of the residual grew in proportion to the distance.
         """
         places = self.places(state.world)
         tries = self.tries(places)
         before, *after = self.judged.residuals([state.world, *(state.world.add(e) for e, *_ in tries)])
-        drop = RULES.gain / (1.0 - RULES.gain) * float(before @ before)
+        drop = RULES.gain / (1.0 - RULES.gain) * float(before @ before)  # least fall of the squared residual
         level, none = float(stats.norm.isf(RULES.discoveries / max(len(places), 1))), np.zeros((len(before), 0))
         asked: dict[tuple[str, str], dict[str, list[tuple[float, float]]]] = {}
         for (e, name, value), r in zip(tries, after, strict=True):
@@ -106,13 +106,18 @@ class ObjectSearch(PlainSearch):
 def _hidden(param: Param, tries: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
     """Return the range of values around null that would go unnoticed; None if every value would.
 
-    `tries` are (value, times): its distance from null times `times` is the least that would be noticed. On a side where
-    no tried value would be noticed, the range extends to the bound.
+    On each side of null the tried values are visited outwards. The range ends at the distance that the first noticed
+    value says would just be noticed, but not before the last value that was not noticed. If none was noticed, it ends
+    at the parameter's bound.
+
+    Args:
+        param: the parameter; distances are logarithmic if its scale is.
+        tries: (value, times): `times` the value's distance from null would just be noticed; 1 or less if the value is.
     """
     log = param.scale == "log"
     ends = [param.low, param.high]
     for side, sign in enumerate((-1.0, 1.0)):
-        unseen = 0.0
+        unseen = 0.0  # distance of the last value that was not noticed
         away = [(sign * (np.log(v / param.null) if log else v - param.null), times) for v, times in tries]
         for size, times in sorted(a for a in away if a[0] > 0):
             if times <= 1.0:

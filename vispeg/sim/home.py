@@ -19,10 +19,12 @@ EXACT = 1e-6  # error of the pose that is accepted, m and rad together
 # rad: a joint is searched within +-TURN of the middle of its range, if that is wider; an unlimited one around 0
 TURN = np.pi
 CLEAR = 0.10  # m: least height of moving links above the table's top, z = 0
-ENOUGH, ROOM = 0.15, 0.2  # caps in the score: smallest singular value, share of half a range left to a limit
+# Caps of two factors of the score: beyond them a posture is not better.
+SINGULAR_CAP = 0.15  # smallest singular value of the Jacobian
+LIMIT_CAP = 0.2  # distance of a joint from its nearer limit, as a share of half its range
 ASIDE = 0.05  # m, decay length of the score with the distance of links from the vertical plane, see `_score`
 ROUND = 1e-3  # rad, to which the angles of the result are rounded
-POSE = 6  # degrees of freedom of a pose
+DOFS = 6  # degrees of freedom of the flange
 
 
 def home_of(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) -> np.ndarray:
@@ -31,7 +33,7 @@ def home_of(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) 
     Raises:
         UserError: no posture within the joint limits holds the flange there, or the arm has fewer than six joints.
     """
-    if len(robot.joints) < POSE:
+    if len(robot.joints) < DOFS:
         what = "an arm of so few joints cannot hold its tool at any pose, as a world needs it"
         expected = "six joints or more; record, compare, fit and diagnose take the arm's own file, without a world"
         raise UserError(what, file=robot.name, expected=expected, got=count(len(robot.joints), "joint"))
@@ -70,14 +72,14 @@ def bounds(robot: RobotModel) -> tuple[np.ndarray, np.ndarray]:
 def _score(robot: RobotModel, q: np.ndarray, jac: np.ndarray, pos: np.ndarray) -> np.ndarray:
     """Score postures (n, nj); returns (n,), 0 for an inadmissible one.
 
-    The score is the product of: the smallest singular value of the Jacobian (n, 6, nj), capped at `ENOUGH`; the least
-    distance of a joint to its limit as a share of half its range, capped at `ROOM`; the height of the links, m; and
-    their closeness to the vertical plane through the base's axis and the flange at `pos` (3,), as an elbow to the side
-    may collide with objects there.
+    The score is the product of: the smallest singular value of the Jacobian (n, 6, nj), capped at `SINGULAR_CAP`; the
+    least distance of a joint to its limit as a share of half its range, capped at `LIMIT_CAP`; the height of the links,
+    m; and their closeness to the vertical plane through the base's axis and the flange at `pos` (3,), as an elbow to
+    the side may collide with objects there.
     """
     low, high = bounds(robot)
     margin = np.minimum(q - low, high - q) / (0.5 * (high - low))
-    free = np.minimum(singular(jac), ENOUGH) * np.clip(margin.min(axis=1), 0.0, ROOM)
+    free = np.minimum(singular(jac), SINGULAR_CAP) * np.clip(margin.min(axis=1), 0.0, LIMIT_CAP)
     links = _links(robot, q)
     distance = max(float(np.hypot(*pos[:2])), 1e-9)  # a flange on the axis lies in every vertical plane through it
     aside = np.abs(links[:, :, 0] * pos[1] - links[:, :, 1] * pos[0]).mean(axis=1) / distance

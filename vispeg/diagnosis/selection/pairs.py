@@ -38,7 +38,7 @@ def pairs(search: Searching, state: State, missing: Sequence[MissingTorque]) -> 
             first, second = (guessed(kind.name, joint, evidence.items[0], data) for kind in kinds)
             starts = [(a, b) for a in first for b in second]
             squared = [float(r @ r) for r in evidence.each_residual([state.world.add(*start) for start in starts])]
-            for k in _best(starts, squared, len(second)):
+            for k in _best(squared, len(second)):
                 rows.append([[_values(e) for e in starts[k]], before - squared[k]])
         return sorted(rows, key=lambda row: -row[1])
 
@@ -54,13 +54,14 @@ def _worst(search: Searching, missing: Sequence[MissingTorque]) -> str:
     return search.evidence.items[0].robot.joints[int(np.argmax(joint_z(missing)))]
 
 
-def _best(starts: Sequence[Sequence[EffectInstance]], squared: Sequence[float], count: int) -> list[int]:
-    """Return the indices of the pairs to fit, by their squared residuals.
+def _best(squared: Sequence[float], count: int) -> list[int]:
+    """Return the indices of the pairs to fit: for each guess of the first effect its best pair, best first.
 
-    For each guess of the first effect only the best of `count` guesses of the second is kept. `starts` are in the order
-    of the first effect's guesses.
+    Args:
+        squared: squared residuals of all pairs of guesses; those of one guess of the first effect are consecutive.
+        count: number of guesses of the second effect.
     """
-    best = [min(range(i, i + count), key=squared.__getitem__) for i in range(0, len(starts), max(count, 1))]
+    best = [min(range(i, i + count), key=squared.__getitem__) for i in range(0, len(squared), max(count, 1))]
     return sorted(best, key=squared.__getitem__)
 
 

@@ -39,6 +39,6 @@ class LoadFriction(Effect):
         # mean this is right to a few percent
         load = np.abs(x.tau)
         mean = np.maximum(load.mean(axis=0), 1e-9)
-        stiffness, share = (np.broadcast_to(np.ravel(p[k]), path.shape[1:]) for k in ("stiffness", "coefficient"))
-        stretch = [yielding(q, reach)[at] for q, reach in zip(path.T, share * mean / stiffness, strict=True)]
+        stiffness, coefficient = (np.broadcast_to(np.ravel(p[k]), path.shape[1:]) for k in ("stiffness", "coefficient"))
+        stretch = [yielding(q, reach)[at] for q, reach in zip(path.T, coefficient * mean / stiffness, strict=True)]
         return -stiffness * np.stack(stretch, axis=1) * load / mean

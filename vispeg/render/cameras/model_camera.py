@@ -24,12 +24,12 @@ PIXEL = 1e-5  # m, size of a pixel on the sensor; an arbitrary value, which does
 def cameras_of(robot: RobotModel, size: tuple[int, int] = (0, 0)) -> tuple[Camera, ...]:
     """Return the cameras that are defined in a robot's own file.
 
-    A camera's parent is `flange` or `base` where the camera is rigidly connected to it, else its body. Cameras without
-    a name, those that track a target (a mode other than `fixed`), and orthographic ones are left out.
+    The parent of a camera is `flange` or `base` if the camera is fixed to that body, else the body that carries it.
+    Left out are cameras without a name, orthographic ones, and those that follow a target (`mode` is not `fixed`).
 
     Args:
         robot: the robot model.
-        size: (width, height) px for cameras whose file states no `resolution`; by default these are left out.
+        size: (width, height) px of cameras without a `resolution` in the file; by default such cameras are left out.
     """
     model = robot.compile()
     data = mujoco.MjData(model)

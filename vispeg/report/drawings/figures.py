@@ -33,7 +33,13 @@ FONT = "system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,sans-se
 
 @dataclass(frozen=True)
 class Shape:
-    """A shape of figures: `width` in inches and font `size` in pt, which the style sheet shows at 12 px."""
+    """A format of figures.
+
+    Attributes:
+        name: `wide` or `narrow`; also the class of the SVG, by which the style sheet shows one and hides the other.
+        width: in.
+        size: pt, of all text; the style sheet scales the figure so that it is 12 px high.
+    """
 
     name: str
     width: float
@@ -79,7 +85,7 @@ STYLE: Mapping[str, object] = {
 }
 MARKS = ("|", "^", "o", "s")  # entries of a legend with these styles are markers, the others lines
 POINTS_AN_INCH = 72.0  # in an SVG by matplotlib
-LONG = 300  # characters; a longer path is a curve, a shorter one a mark
+LONG = 300  # characters of an SVG path: a longer one is a curve, a shorter one a marker, which needs more digits
 SIZED = ("font.size", "axes.titlesize", "axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize")
 
 
@@ -132,7 +138,7 @@ def svg(figure: Figure, name: str, description: str) -> str:
 
 
 def saved(figure: Figure, name: str, description: str) -> str:
-    """Return the figure as `svg` does, laid out by Matplotlib."""
+    """Return the figure as `svg` does, but leave the layout to Matplotlib."""
     from html import escape
 
     stream = StringIO()
@@ -185,6 +191,7 @@ def _bare(axis: XAxis | YAxis) -> bool:
 
 def _lighter(text: str) -> str:
     """Shrink an SVG: coordinates to 0.01 px, or 0.1 px in long paths, and no unreferenced ids."""
+    # ids that something refers to; report.css inverts the colours of a QuadMesh in the dark by its id
     used = {*re.findall(r'(?:url\(|href=")#([^)"]+)', text), *re.findall(r'id="([^"]*QuadMesh[^"]*)"', text)}
     text = re.sub(r' id="([^"]*)"', lambda name: name[0] if name[1] in used else "", text)
     text = re.sub(r' transform="rotate\(-0 [^"]*"', "", text)

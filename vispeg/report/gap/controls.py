@@ -12,9 +12,16 @@ TITLE = "Do the images matter?"
 
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object] | None:
-    """Return one table per world; None with neither controls nor blind policies.
+    """Return a table of success for each world with controls, and a sentence for each blind policy.
 
-    A row is a policy's success with its own images, then under each control; a policy without the former has none.
+    A row of a table is a policy: its success with its own images, then under each control. A policy that was not played
+    with its own images in that world has no row.
+
+    Args:
+        values: content of gap.json (`vispeg.evaluation.schema.gap.GapRecord`).
+
+    Returns:
+        The arguments of `templates/gap/controls.html.j2`; None with neither controls nor blind policies.
     """
     rates = {(r["policy"], r["world"], r["control"]): r["success"] for r in values["success"]}
     kinds = [c for c in words.CONTROLS if c and any(k == c for _, _, k in rates)]

@@ -10,12 +10,14 @@ from vispeg.evaluation.controls import FIXED
 from vispeg.report.text.quantities import plain
 
 Row = Mapping[str, Any]
-CONTROLS = {
+CONTROLS = {  # name of a control in gap.json ("" for none) -> text
     "": "",
     "shuffled": "images of another episode",
     "frozen": "first image for ever",
 }
-ROLES = {  # roles of policies without cameras, and of the scripted one
+# Modality of a policy without cameras, or `scripted` -> its role; "" stands for policies with cameras. In the order in
+# which the page lists them.
+ROLES = {
     "": "",
     "scripted": "scripted, told the goal",
     "state": "teacher, told the goal",
