@@ -69,21 +69,50 @@ def test_what_a_robots_file_shows_are_its_parts(tmp_path):
         assert not shows(bench(load(str(arm)))), arm
 
 
-def test_its_cameras_stand_where_the_file_has_them(tmp_path):
-    scene = bench(load(str(write_bench(tmp_path))))
-    eye, tripod = sorted(cameras_of(scene.nominal), key=lambda c: c.name)
-    assert (eye.name, eye.parent, tripod.parent) == (EYE, "flange", "base")
-    model = load(str(tmp_path / "lab.xml")).compile()
+def standing(file: Path) -> tuple[str, ...]:
+    """Asserts that the cameras of a robot's file stand where MuJoCo has them, and returns their names."""
+    robot = load(str(file))
+    cameras, model = cameras_of(robot), robot.compile()
     data = mujoco.MjData(model)
     data.qpos[:] = HOME
     mujoco.mj_forward(model, data)
-    geometry = Geometry(scene, (eye, tripod))
+    geometry = Geometry(bench(robot), cameras)
     geometry.at(HOME)
-    for camera in (eye, tripod):
+    for camera in cameras:
         pos, turn = geometry.pose(camera.name)
         row = model.camera(camera.name).id
-        assert np.allclose(pos, data.cam_xpos[row], atol=1e-9)
-        assert np.allclose(turn @ np.diag([1, -1, -1]), data.cam_xmat[row].reshape(3, 3), atol=1e-9)
+        assert np.allclose(pos, data.cam_xpos[row], atol=1e-9), camera
+        assert np.allclose(turn @ np.diag([1, -1, -1]), data.cam_xmat[row].reshape(3, 3), atol=1e-9), camera
+    return tuple(c.name for c in cameras)
+
+
+def test_its_cameras_stand_where_the_file_has_them(tmp_path):
+    file = write_bench(tmp_path)
+    assert sorted(standing(file)) == [EYE, "tripod"]
+    assert {c.name: c.parent for c in cameras_of(load(str(file)))} == {EYE: "flange", "tripod": "base"}
+
+
+@pytest.mark.parametrize(
+    ("body", "site"),
+    [
+        ("fore", "fore"),  # a site called like its body
+        ("base", "elbow"),  # a body that moves, called `base`
+    ],
+)
+def test_a_camera_stands_where_the_file_has_it_whatever_its_frames_are_called(tmp_path, body, site):
+    file = write_bench(tmp_path)
+    inside = f'<site name="{site}" pos="0.1 0.2 0.3" euler="0.1 0.2 0.3"/><camera name="elbow" pos="0.1 0 0.1" '
+    inside += 'euler="0.3 0.2 0.1" resolution="64 48"/>'
+    text = file.read_text().replace('<body name="fore" pos="0 0 0.3">', f'<body name="{body}" pos="0 0 0.3">{inside}')
+    file.write_text(text)
+    assert sorted(standing(file)) == ["elbow", EYE, "tripod"]
+
+
+def test_a_camera_that_cannot_be_does_not_take_the_others_along(tmp_path):
+    file = write_bench(tmp_path)
+    wide = '<camera name="wide" pos="0 0 2" fovy="178" resolution="64 48"/>'
+    file.write_text(file.read_text().replace("<worldbody>", f"<worldbody>{wide}"))
+    assert sorted(c.name for c in cameras_of(load(str(file)))) == [EYE, "tripod"]
 
 
 @pytest.mark.parametrize(("projection", "seen"), [("perspective", ("above",)), ("orthographic", ())])

@@ -8,10 +8,12 @@ count from its centre and are 0.5 smaller.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import mujoco
 import numpy as np
 
+from vispeg.core.errors import UserError
 from vispeg.core.rotation import quaternion
 from vispeg.render.cameras.camera import Camera, rotation
 from vispeg.render.cameras.view import WORLD, parent_of
@@ -24,19 +26,18 @@ PIXEL = 1e-5  # m, size of a pixel on the sensor; an arbitrary value, which does
 def cameras_of(robot: RobotModel, size: tuple[int, int] = (0, 0)) -> tuple[Camera, ...]:
     """Return the cameras that are defined in a robot's own file.
 
-    The parent of a camera is `flange` or `base` if the camera is fixed to that body, else the body that carries it.
-    Left out are cameras without a name, orthographic ones, and those that follow a target (`mode` is not `fixed`).
+    A camera's parent is `flange` or `base` where the camera is rigidly connected to it, else its body or another frame
+    that moves with it. Cameras without a name, those that track a target (a mode other than `fixed`), orthographic
+    ones, those without such a frame, and those that `Camera` refuses are left out.
 
     Args:
         robot: the robot model.
-        size: (width, height) px of cameras without a `resolution` in the file; by default such cameras are left out.
+        size: (width, height) px for cameras whose file states no `resolution`; by default these are left out.
     """
     model = robot.compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_camlight(model, data)
-    site = model.site(robot.flange).id
-    hand = int(model.body_weldid[model.site_bodyid[site]])
     out = []
     for i in range(model.ncam):
         body = int(model.cam_bodyid[i])
@@ -47,13 +48,12 @@ def cameras_of(robot: RobotModel, size: tuple[int, int] = (0, 0)) -> tuple[Camer
         pinhole = int(model.cam_projection[i]) == mujoco.mjtProjection.mjPROJ_PERSPECTIVE.value
         if not (width and height and fixed and pinhole and model.camera(i).name):
             continue
-        weld = int(model.body_weldid[body])
-        parent = "flange" if weld == hand else WORLD if weld == 0 else model.body(body).name
-        pos, rot = np.zeros(3), np.eye(3)
-        if parent == "flange":
-            pos, rot = data.site_xpos[site], data.site_xmat[site].reshape(3, 3)
-        elif parent != WORLD:
-            pos, rot = data.xpos[body], data.xmat[body].reshape(3, 3)
+        parent = _parent_name(model, body)
+        if parent is None:
+            continue
+        mount, pos, rot = _mount(model, parent)
+        turn = data.xmat[mount].reshape(3, 3)
+        pos, rot = data.xpos[mount] + turn @ pos, turn @ rot
         axes = data.cam_xmat[i].reshape(3, 3) @ FLIP
         focal = np.full(2, height / 2 / np.tan(np.radians(model.cam_fovy[i]) / 2))
         centre = np.array([width - 1, height - 1]) / 2
@@ -63,8 +63,20 @@ def cameras_of(robot: RobotModel, size: tuple[int, int] = (0, 0)) -> tuple[Camer
         name, at = model.camera(i).name, rot.T @ (data.cam_xpos[i] - pos)
         quat = tuple(quaternion(rot.T @ axes).tolist())
         (fx, fy), (cx, cy) = map(float, focal), map(float, centre)
-        out.append(Camera(name, width, height, fx, fy, cx, cy, parent=parent, pos=tuple(at.tolist()), quat=quat))
+        with suppress(UserError):  # a lens that no picture is made of must not take the other cameras along
+            out.append(Camera(name, width, height, fx, fy, cx, cy, parent=parent, pos=tuple(at.tolist()), quat=quat))
     return tuple(out)
+
+
+def _parent_name(model: mujoco.MjModel, body: int) -> str | None:
+    """Return the first name that `parent_of` takes for a frame rigidly connected to a body; None if there is none.
+
+    The body's own name may be that of a site elsewhere, or `base`.
+    """
+    bodies = [model.body(i).name for i in range(model.nbody)]
+    names = ["flange", WORLD, bodies[body], *bodies[1:], *(model.site(i).name for i in range(model.nsite))]
+    rigid = (n for n in names if n and model.body_weldid[_mount(model, n)[0]] == model.body_weldid[body])
+    return next(rigid, None)
 
 
 def add(spec: mujoco.MjSpec, cameras: tuple[Camera, ...]) -> None:
@@ -113,7 +125,11 @@ def _parent_body(spec: mujoco.MjSpec, parent: str) -> mujoco.MjsBody:
 
 
 def row_of(model: mujoco.MjModel, camera: Camera) -> int | None:
-    """Return the row of a camera; None if the model has no camera of that name on the parent's body."""
+    """Return the row of a camera; None if the model has no camera of that name on the parent's body.
+
+    Raises:
+        UserError: the model has no such parent.
+    """
     row = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, camera.name)
     body, _, _ = _mount(model, camera.parent)
     return row if row >= 0 and model.cam_bodyid[row] == body else None
