@@ -100,6 +100,14 @@ def test_what_cannot_be_sent_was_never_asked(worker, ears):
     assert not worker.busy
 
 
+def test_a_large_request_does_not_wait_for_the_work_before_it(worker, ears):
+    worker.ask("sleep")
+    ears.until("told", "asleep")
+    start = time.monotonic()
+    worker.ask("add", bytes(4_000_000))
+    assert time.monotonic() - start < 10 and worker.busy
+
+
 def test_it_is_stopped_in_the_middle(worker, ears):
     worker.ask("sleep")
     ears.until("told", "asleep")

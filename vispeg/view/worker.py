@@ -12,6 +12,7 @@ import threading
 import traceback
 from collections.abc import Callable
 from multiprocessing.connection import Connection
+from queue import SimpleQueue
 from typing import Any, Literal
 
 from vispeg.core.errors import UserError
@@ -84,12 +85,11 @@ class Worker:
 def _work(pipe: Connection, make: Callable[..., Any], args: tuple[Any, ...]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the page's process ends this one
     threading.Thread(target=end_with_parent, daemon=True).start()
+    requests = SimpleQueue[Any]()
+    threading.Thread(target=_receive, args=(pipe, requests), daemon=True).start()
     made: Any = None
-    while True:
-        try:
-            method, arguments = pipe.recv()
-        except EOFError:
-            return
+    while request := requests.get():
+        method, arguments = request
         try:
             if made is None:
                 made = make(lambda name, value: pipe.send(("told", name, value)), *args)
@@ -98,3 +98,17 @@ def _work(pipe: Connection, make: Callable[..., Any], args: tuple[Any, ...]) -> 
             pipe.send(("refused", method, str(error)))
         except Exception:
             pipe.send(("failed", method, traceback.format_exc()))
+
+
+def _receive(pipe: Connection, requests: SimpleQueue[Any]) -> None:
+    """Take requests from the pipe while others are worked on, since one that is larger than the pipe would block `ask`.
+
+    None ends the work.
+    """
+    try:
+        while True:
+            requests.put(pipe.recv())
+    except EOFError:
+        pass
+    finally:
+        requests.put(None)
