@@ -22,6 +22,23 @@ def test_impossible_paths(refused, out, words):
     refused(["compare", "iiwa14", "--recording", out, "--out", "c"], "--recording", *words[1:])
 
 
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ("format: vispeg-world/1\nbase: nominal\nrobot: {model: ~nobodysuch/arm.xml}\n", "robot"),
+        ("format: vispeg-world/1\nbase: nominal\nmodel: ~nobodysuch/model.yaml\n", "model.file"),
+        ("format: vispeg-world/1\nbase: ~nobodysuch/world.yaml\n", "no such user"),
+        ("format: vispeg-model/1\ncell: {robot: {model: ~nobodysuch/arm.xml}}\n", "cell.robot"),
+        ("format: vispeg-model/1\ncell: ~nobodysuch/world.yaml\n", "cell.world"),
+    ],
+)
+def test_no_such_home_folder_in_a_file(refused, tmp_path, text, key):
+    (tmp_path / "stated.yaml").write_text(text)
+    world = ["evaluate", "expert", "--world", "stated.yaml", "--out", "played"]
+    model = ["add", "stated.yaml", "payload", "flange", "--out", "model.yaml"]
+    refused(world if "world/1" in text else model, "stated.yaml", key, "no such user", "~nobodysuch")
+
+
 def test_a_home_folder_that_the_shell_left_alone(vispeg, tmp_path, monkeypatch):
     home, work = tmp_path / "home", tmp_path / "work"
     home.mkdir(), work.mkdir()

@@ -10,6 +10,7 @@ from vispeg.api.inputs import read_model
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.params import Value
+from vispeg.core.paths import expanded
 from vispeg.core.several import several
 from vispeg.render.cameras.model_camera import cameras_of
 from vispeg.render.cameras.standard import standard_cameras
@@ -81,7 +82,7 @@ def add(
     Raises:
         UserError: no such model, effect, place or parameter; a measurement of another robot; `out` exists.
     """
-    path = Path(out).expanduser()
+    path = expanded(out)
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise UserError("not a model file", key="--out", expected="a name that ends in .yaml", got=str(path))
     world = read_model(model)

@@ -12,6 +12,7 @@ from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.core.files import reserved
+from vispeg.core.paths import expanded
 from vispeg.core.provenance import here
 from vispeg.core.several import several
 from vispeg.datasets.check import check
@@ -201,4 +202,4 @@ def render_dataset(
         )
     names = tuple(camera.name for camera in layout.cameras)
     before, seconds = resumed[0] if resumed else 0, time.monotonic() - start
-    return RenderedDataset(Path(out).expanduser(), plan.frames, names, before, seconds)
+    return RenderedDataset(expanded(out), plan.frames, names, before, seconds)

@@ -11,6 +11,7 @@ from vispeg.api.playing import Played, Playing, check_controls, check_numbers, f
 from vispeg.core.cluster import Engine
 from vispeg.core.errors import UserError
 from vispeg.core.marker import apart
+from vispeg.core.paths import expanded
 from vispeg.evaluation import gap as gaps
 from vispeg.evaluation import runner
 from vispeg.evaluation.entrants import Policies
@@ -89,7 +90,7 @@ def evaluate(
     who, file = ready(policies), load_world(world)
     controls = check_controls(controls, file)
     sources = [file.path, *folders(who)]
-    kept = None if trials is None else _kept(Path(trials), None if out is None else Path(out).expanduser(), sources)
+    kept = None if trials is None else _kept(Path(trials), None if out is None else expanded(out), sources)
     with workplace(out, "evaluate.json", overwrite, sources) as place:
         settings = [Setting(str(world), file.name, task=dict(task or {}), control=c) for c in ("", *controls)]
         jobs = make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds", profile=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
+from vispeg.core.paths import expanded
 from vispeg.core.seeds import check_seed
 from vispeg.report.text.summary import Block, Line, Summarised
 
@@ -139,7 +140,7 @@ def play(
         raise UserError("must be at least 1", key="episodes", got=episodes)
     chosen, settings = played_in(policy, world, tolerance)
     usual = Path("films") / f"{Path(policy).resolve().name}-{Path(chosen).stem}"
-    folder = usual if out is None else Path(out).expanduser()
+    folder = usual if out is None else expanded(out)
     check_seed(seed)
     check_seed(seed + episodes - 1)  # the others count up
     seeds, made = [seed + k for k in range(episodes)], list[Film]()

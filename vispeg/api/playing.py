@@ -13,6 +13,7 @@ from vispeg.api.result import Result
 from vispeg.core.cluster import Engine
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
+from vispeg.core.paths import expanded
 from vispeg.core.provenance import here
 from vispeg.core.several import several
 from vispeg.evaluation import runner
@@ -82,7 +83,7 @@ class Played(Result):
             append(place / runner.EPISODES, self.episodes)
             write_text_atomic(place / runner.RUN, runner.text_of(self.names), overwrite=True)
             self._write(place)
-        return Path(out).expanduser()
+        return expanded(out)
 
     def _write(self, folder: Path) -> None:
         """Write the record, the list of videos and the page, beside the episodes."""

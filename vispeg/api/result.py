@@ -12,6 +12,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
+from vispeg.core.paths import expanded
 from vispeg.report.text.summary import Summarised, print_summary
 from vispeg.report.text.tables import PIPED, Sheet
 
@@ -62,7 +63,7 @@ class Result(Summarised):
         """
         with new_folder(out, overwrite=overwrite, holds=self.holds, inputs=self.sources) as folder:
             self._write(folder)
-        return Path(out).expanduser()
+        return expanded(out)
 
     def plot(self) -> Figure:
         """Return the main picture of the result's page as a matplotlib figure.

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from vispeg.core.disk import written
 from vispeg.core.errors import UserError
 from vispeg.core.lock import claimed
+from vispeg.core.paths import expanded
 from vispeg.core.seeds import check_seed
 from vispeg.interface.exported import Exported
 from vispeg.interface.interface import Interface, NoInterface
@@ -127,7 +128,7 @@ def run(
     count = episodes or most
     trials: dict[str, Said] = {}
     try:
-        with _place(Path(out).expanduser()) as place, Live(place, who.name, robot_name, count) as live:
+        with _place(expanded(out)) as place, Live(place, who.name, robot_name, count) as live:
             first = _next(place)
 
             def shown(step: Step) -> None:
@@ -153,7 +154,7 @@ def run(
         close = getattr(target, "close", None)
         if callable(close):
             close()
-    return RunResult(Path(out).expanduser(), trials, who.name, robot_name)
+    return RunResult(expanded(out), trials, who.name, robot_name)
 
 
 def opened(policy: str | Path, world: str | Path | None, name: str | None) -> tuple[Acts, Interface, PolicyPart]:
@@ -170,7 +171,7 @@ def opened(policy: str | Path, world: str | Path | None, name: str | None) -> tu
             raise UserError(
                 "is fixed in an exported policy", key="--world", expected="vispeg export --world", got=world
             )
-        exported = Exported(Path(place).expanduser())
+        exported = Exported(expanded(place))
         meaning = exported.interface
         part = PolicyPart(name=name or called or Path(place).stem, digest=meaning.policy, modality=meaning.modality)
         meaning.observer()  # check that its observations and actions can be built here

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from vispeg.api.policies import load_policy
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
+from vispeg.core.paths import expanded
 from vispeg.report.text.summary import Block, Line, Summarised
 from vispeg.sim.engine import Engine
 
@@ -187,7 +188,7 @@ def train(
         ranges=ranges,
         wandb=wandb or "",
     )
-    folder = new_run(task, seed) if out is None else Path(out).expanduser()
+    folder = new_run(task, seed) if out is None else expanded(out)
     return TrainedPolicy(folder, running.train(config, folder, show=show, overwrite=overwrite), world, chosen)
 
 
@@ -207,7 +208,7 @@ def resume(run: str | Path, steps: int | None = None, *, show: bool = False) -> 
     from vispeg.learn import train as running
     from vispeg.learn.config import read_config
 
-    folder = Path(run).expanduser()
+    folder = expanded(run)
     best = running.resume(folder, steps, show=show)
     config = read_config(folder / "config.yaml")
     return TrainedPolicy(folder, best, config.world, config.settings)

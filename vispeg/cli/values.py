@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
+from vispeg.core.paths import expanded
 from vispeg.core.seeds import check_seed
 
 # Larger than every quantity of an arm in SI units (a steel contact's stiffness is 1e8 N/m), and than every count that a
@@ -43,7 +44,7 @@ def _checked(name: str, value: Any) -> Any:
     """Check one value of an option; return it with the home folder in place of `~`."""
     if isinstance(value, str | Path):
         _check_text(name, str(value), isinstance(value, Path))
-        return type(value)(_at_home(name, str(value))) if str(value).startswith("~") else value
+        return type(value)(expanded(value, key=name)) if str(value).startswith("~") else value
     if isinstance(value, int | float) and not isinstance(value, bool):
         _check_number(name, value)
     return value
@@ -62,14 +63,6 @@ def _check_text(name: str, text: str, path: bool) -> None:
     if (path or os.sep in text) and (longest > LONGEST_NAME or size > LONGEST_PATH):
         expected = f"names of at most {LONGEST_NAME} bytes, {LONGEST_PATH} in all"
         raise UserError("is too long for a path", key=name, got=shown, expected=expected)
-
-
-def _at_home(name: str, text: str) -> str:
-    """Expand a path that begins with `~` or `~USER`."""
-    try:
-        return str(Path(text).expanduser())
-    except RuntimeError:
-        raise UserError("no such user", key=name, got=text, expected="an existing home folder") from None
 
 
 def _check_number(name: str, value: float) -> None:

@@ -17,6 +17,7 @@ from vispeg.core.disk import failed_in, why
 from vispeg.core.errors import UserError
 from vispeg.core.lock import claimed
 from vispeg.core.marker import apart, mark, refuse_foreign
+from vispeg.core.paths import expanded
 
 
 @contextmanager
@@ -46,7 +47,7 @@ def new_folder(
             (see `holds` and `inputs`; also the working directory, the home directory, their parents, and git
             checkouts), or another process is writing it, or it cannot be written.
     """
-    target = Path(path).expanduser().resolve()  # through a link: its target is replaced, not the link
+    target = expanded(path).resolve()  # through a link: its target is replaced, not the link
     with reserved(path, overwrite, holds=holds, inputs=inputs):
         part = _sibling(target)
         try:
@@ -83,7 +84,7 @@ def reserved(
     refuse(path, overwrite, holds=holds, inputs=inputs)
     with claimed(path) if holds is not None else nullcontext(), _terminable():
         try:
-            recover(Path(path).expanduser().resolve())  # under the lock: another process may have put a folder aside
+            recover(expanded(path).resolve())  # under the lock: another process may have put a folder aside
         except OSError as error:
             raise UserError(f"cannot be written: {why(error)}", file=path) from error
         refuse(path, overwrite, holds=holds)  # again: a folder was recovered, or another process has just finished
@@ -105,7 +106,7 @@ def set_aside(path: str | Path, kept: Callable[[], bool]) -> Iterator[None]:
     Raises:
         UserError: the folder cannot be moved, or cannot be put back; then the message says where it is.
     """
-    target = Path(path).expanduser().resolve()
+    target = expanded(path).resolve()
     old, failed = _sibling(target, "old"), _sibling(target)
     try:
         os.replace(target, old)
@@ -132,7 +133,7 @@ def refuse(
     path: str | Path, overwrite: bool, *, holds: str | None = "result", inputs: Iterable[str | Path | None] = ()
 ) -> None:
     """Raise UserError if `new_folder` would refuse these arguments; call it before long work."""
-    target = Path(path).expanduser().resolve()
+    target = expanded(path).resolve()
     apart(path, inputs)
     if not target.exists():
         return
@@ -184,7 +185,7 @@ def write_text_atomic(path: str | Path, text: str, *, overwrite: bool = False) -
 
 def write_bytes_atomic(path: str | Path, data: bytes, *, overwrite: bool = False) -> Path:
     """Write bytes as `write_text_atomic` writes text; return the path. Leftovers of killed processes are removed."""
-    target = Path(path).expanduser().resolve()
+    target = expanded(path).resolve()
     if target.is_dir():
         raise UserError("is a folder", file=path, expected="a file")
     if target.exists() and not overwrite:
@@ -204,7 +205,7 @@ def write_files_atomic(files: Mapping[Path, bytes], *, overwrite: bool) -> None:
         UserError: one exists with different content and `overwrite` is False, is a folder, or cannot be written.
     """
     for path, data in files.items():
-        target = path.expanduser().resolve()
+        target = expanded(path).resolve()
         if target.is_dir():
             raise UserError("is a folder", file=path, expected="a file")
         if target.exists() and not overwrite and target.read_bytes() != data:
@@ -233,7 +234,7 @@ def _write(files: Mapping[Path, bytes]) -> None:
                 return part
 
             for path, data in files.items():
-                target = path.expanduser().resolve()
+                target = expanded(path).resolve()
                 new = [folder for folder in target.parents if not folder.exists()] + new
                 target.parent.mkdir(parents=True, exist_ok=True)
                 remove_abandoned(target)

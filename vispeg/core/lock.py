@@ -17,6 +17,7 @@ from pathlib import Path
 
 from vispeg.core.disk import why
 from vispeg.core.errors import UserError
+from vispeg.core.paths import expanded
 from vispeg.core.provenance import command_line
 
 LOCK = ".lock"  # name of the lock's file if it is in the result, because the folder above is not writable
@@ -35,7 +36,7 @@ def claimed(out: str | Path) -> Iterator[None]:
         UserError: another process writes `out` (it states the process, its command and since when), or the lock's file
             cannot be created.
     """
-    target = Path(out).expanduser().resolve()
+    target = expanded(out).resolve()
     if target in _MINE:
         yield
         return

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from vispeg.core.errors import UserError
 from vispeg.core.lock import LOCK
+from vispeg.core.paths import expanded
 
 MARKER, FORMAT = ".vispeg.json", "vispeg-output/1"
 PART = f"{MARKER}.part"
@@ -78,7 +79,7 @@ def apart(out: str | Path, inputs: Iterable[str | Path | None]) -> None:
     for source in inputs:
         if source is None or (isinstance(source, str) and not (os.sep in source or Path(source).suffix)):
             continue
-        path = Path(source).expanduser()
+        path = expanded(source)
         if not path.exists():
             continue
         named, real = Path(os.path.abspath(path)), path.resolve()
@@ -91,7 +92,7 @@ def apart(out: str | Path, inputs: Iterable[str | Path | None]) -> None:
 def _same(path: Path, out: str | Path) -> bool:
     """Return whether two paths lead to the same existing file or folder."""
     try:
-        return os.path.samefile(path, Path(out).expanduser())
+        return os.path.samefile(path, expanded(out))
     except OSError:  # one of them does not exist
         return False
 

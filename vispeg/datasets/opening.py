@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from vispeg.core.paths import expanded
 from vispeg.datasets.describe import INFO, is_bop
 from vispeg.datasets.formats.read_bop import Bop
 from vispeg.datasets.read import Dataset
@@ -17,5 +18,5 @@ def holds_dataset(folder: Path) -> bool:
 
 def open_dataset(folder: str | Path) -> Dataset | Bop:
     """Open the dataset in a folder. Raises UserError: there is none, or it cannot be read."""
-    path = Path(folder).expanduser()
+    path = expanded(folder)
     return Bop(path) if is_bop(path) else Dataset(path)

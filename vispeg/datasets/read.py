@@ -13,6 +13,7 @@ import numpy as np
 
 from vispeg.core.counts import count
 from vispeg.core.errors import UserError
+from vispeg.core.paths import expanded
 from vispeg.datasets.codec import decode
 from vispeg.datasets.describe import (
     BEFORE,
@@ -60,7 +61,7 @@ class Dataset:
     """
 
     def __init__(self, folder: str | Path, features: Iterable[str] | None = None, theirs: bool = False):
-        self.folder = Path(folder).expanduser()
+        self.folder = expanded(folder)
         self.info = read_info(self.folder, (VERSION, *BEFORE) if theirs else (VERSION,))
         available = self.info["features"]
         for name in features or ():

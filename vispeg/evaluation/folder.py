@@ -12,6 +12,7 @@ from vispeg.core.disk import written
 from vispeg.core.errors import UserError
 from vispeg.core.lock import LOCK, claimed
 from vispeg.core.marker import apart, holds, mark, untouched
+from vispeg.core.paths import expanded
 from vispeg.formats.json_data import read_json
 
 EPISODES, RUN = "episodes.jsonl", "run.json"
@@ -32,7 +33,7 @@ def workplace(
         with TemporaryDirectory(prefix="vispeg-") as folder:
             yield Path(folder)
         return
-    out = Path(out).expanduser()
+    out = expanded(out)
     refuse(out, result, inputs)
     with claimed(out):
         new = not out.exists()

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.paths import expanded
 from vispeg.datasets.describe import INFO
 from vispeg.datasets.layout import COLOUR, colour_of
 from vispeg.formats.guard import is_file
@@ -30,7 +31,7 @@ WITHIN = ("pretrained_model", "last", "checkpoints", "")  # names of folders ins
 
 def folder_of(text: str) -> Path:
     """Return the folder in `lerobot:FOLDER`."""
-    return Path(text.removeprefix(PREFIX)).expanduser()
+    return expanded(text.removeprefix(PREFIX))
 
 
 def run_of(folder: Path) -> str:

@@ -33,6 +33,7 @@ import numpy as np
 from vispeg.core.counts import count
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
+from vispeg.core.paths import expanded
 from vispeg.evaluation.lerobot import LeRobot, folder_of, run_of
 from vispeg.interface.actions import OFFSET, Actions, checked, split
 from vispeg.interface.exported import Exported
@@ -72,9 +73,9 @@ def made(source: Any) -> Any:
         require("torch", f"the policy {source}")
         from vispeg.learn.sb3_policy import opened
 
-        target = opened(Path(source).expanduser())
+        target = opened(expanded(source))
     elif isinstance(source, str) and is_file(source):
-        target = Exported(Path(source).expanduser())
+        target = Exported(expanded(source))
     elif isinstance(source, str) and source.startswith(PREFIX):
         target = LeRobot(folder_of(source))
     elif isinstance(source, str):
@@ -103,7 +104,7 @@ def origin(source: Any) -> Path | None:
         return None
     source = split(source)[0]
     if is_file(source):
-        return Path(source).expanduser()
+        return expanded(source)
     if source.startswith(PREFIX):
         return folder_of(source)
     return Path(inspect.getfile(importlib.import_module(source.partition(":")[0])))

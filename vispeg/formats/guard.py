@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from vispeg.core.errors import UserError
+from vispeg.core.paths import expanded
 
 MB = 1_000_000
 DEPTH = 64  # greatest number of nested lists and mappings
@@ -26,10 +27,7 @@ MARKS |= {codecs.BOM_UTF16_LE: "UTF-16", codecs.BOM_UTF16_BE: "UTF-16"}
 
 def is_file(path: str | Path) -> bool:
     """Return whether a path leads to a regular file; False for names that are impossible (too long, with a NUL)."""
-    try:
-        return Path(path).expanduser().is_file()
-    except (OSError, ValueError, RuntimeError):
-        return False
+    return os.path.isfile(os.path.expanduser(path))
 
 
 def refuse_special(path: str | Path) -> None:
@@ -39,8 +37,8 @@ def refuse_special(path: str | Path) -> None:
         UserError: the path leads to something that is neither a file nor a folder. A missing path is not an error here.
     """
     try:
-        mode = os.stat(Path(path).expanduser()).st_mode
-    except (OSError, ValueError, RuntimeError):
+        mode = os.stat(os.path.expanduser(path)).st_mode
+    except (OSError, ValueError):
         return  # the reader will report it
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise UserError("is not a regular file", file=path, expected="a file")
@@ -54,7 +52,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
         UserError: no such file, not a regular one (a folder, pipe or device), or one that cannot be read.
     """
     try:
-        handle = os.open(Path(path).expanduser(), os.O_RDONLY | os.O_NONBLOCK)  # a pipe without a writer must not block
+        handle = os.open(expanded(path), os.O_RDONLY | os.O_NONBLOCK)  # a pipe without a writer must not block
         try:
             mode = os.fstat(handle).st_mode
             if not stat.S_ISREG(mode):
@@ -68,7 +66,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
         raise UserError("no such file", file=path) from None
     except OSError as error:
         raise UserError(f"cannot be read: {(error.strerror or str(error)).lower()}", file=path) from None
-    except (ValueError, RuntimeError) as error:  # a NUL in the name, no home directory
+    except ValueError as error:  # a NUL in the name
         raise UserError(f"cannot be read: {error}", file=path) from None
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from vispeg.core.assets import assets
 from vispeg.core.errors import UserError
+from vispeg.core.paths import expanded
 
 META = "policy.json"  # every policy's folder has this file
 
@@ -26,7 +27,7 @@ def policy_folder(place: str | Path, others: Sequence[str] = ()) -> Path:
     Raises:
         UserError: there is neither; the error lists the names.
     """
-    path = Path(place).expanduser()
+    path = expanded(place)
     if path.exists():
         return path
     if str(place) in names():

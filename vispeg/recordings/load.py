@@ -10,6 +10,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.notes import note
+from vispeg.core.paths import expanded
 from vispeg.formats.format import enrol
 from vispeg.recordings.cell import CellBelief, Outcome, WrenchSensor
 from vispeg.recordings.columns import JOINT_SIGNALS, NEEDED, SIGNALS, SPATIAL_SIGNALS, columns_of
@@ -74,7 +75,7 @@ def load(
     Raises:
         UserError: anything missing, malformed or implausible; the error names the file and the key, column or row.
     """
-    folder = Path(path).expanduser()
+    folder = expanded(path)
     if not folder.name or folder.name == "..":
         folder = folder.resolve()
     header_file, samples_file = _files(folder)
@@ -188,7 +189,7 @@ def _robot(robot: str, folder: Path, file: Path) -> str:
     if "/" not in robot and not robot.lower().endswith((".xml", ".urdf", ".mjcf")):
         return robot
     try:
-        path = (folder / Path(robot).expanduser()).resolve()
+        path = (folder / expanded(robot, file, "robot")).resolve()
         exists = path.is_file()
     except (OSError, ValueError, RuntimeError) as error:
         raise UserError("is not a usable path", file=file, key="robot", got=robot) from error

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.paths import expanded
 from vispeg.recordings.cell import BENCH, CellBelief, Outcome, WrenchSensor
 from vispeg.recordings.schema import CellSection, OutcomeSection, WrenchSection
 
@@ -28,7 +29,7 @@ def cell(section: CellSection | None, file: Path) -> CellBelief | None:
     world = section.world
     if world.lower().endswith((".yaml", ".yml")):
         try:
-            path = (file.parent / Path(world).expanduser()).resolve()
+            path = (file.parent / expanded(world, file, "cell.world")).resolve()
             exists = path.is_file()
         except (OSError, ValueError, RuntimeError) as error:
             raise UserError("is not a usable path", file=file, key="cell.world", got=world) from error
@@ -47,9 +48,9 @@ def cell(section: CellSection | None, file: Path) -> CellBelief | None:
 def _robot(stated: Any, file: Path) -> Any:
     """Return the robot that a cell states, with a relative path resolved against the folder of the stating file."""
     model = stated.get("model") if isinstance(stated, Mapping) else stated
-    if not isinstance(model, str) or not Path(model).suffix or Path(model).expanduser().is_absolute():
+    if not isinstance(model, str) or not Path(model).suffix:
         return stated
-    path = str((file.parent / Path(model).expanduser()).resolve())
+    path = str((file.parent / expanded(model, file, "cell.robot")).resolve())
     return {**stated, "model": path} if isinstance(stated, Mapping) else path
 
 

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
+from vispeg.core.paths import expanded
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.typed import typed
 from vispeg.recordings.columns import POSE
@@ -105,7 +106,7 @@ def load_object_recording(path: Path | str) -> ObjectRecording:
     Raises:
         UserError: anything missing, malformed or implausible, naming the file and the key, column or row.
     """
-    folder = Path(path).expanduser()
+    folder = expanded(path)
     header_file = folder / "recording.yaml"
     if not header_file.is_file():
         raise UserError("holds no recording.yaml", file=folder)

@@ -13,6 +13,7 @@ import yaml
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
+from vispeg.core.paths import expanded
 from vispeg.recordings.cell import Outcome
 from vispeg.recordings.columns import SIGNALS, columns_of
 from vispeg.recordings.frames.files import write_frames
@@ -44,7 +45,7 @@ def write(
     Raises:
         UserError: the folder exists already or cannot be written, or an array does not have one row per sample.
     """
-    target = Path(folder).expanduser()
+    target = expanded(folder)
     with new_folder(folder, overwrite, holds="recording", inputs=(recording.robot, *inputs)) as part:
         fill(part, recording, target, table)
     return target

@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.paths import expanded
 from vispeg.formats.guard import is_file
 from vispeg.robots import resources
 from vispeg.robots.arm import compiled
@@ -89,7 +90,7 @@ def of(tool: str) -> tuple[Gripper, str] | None:
         return None
     if not is_file(match[1]):
         raise UserError("no such gripper", file=match[1], key="robot.tool")
-    path = Path(match[1]).expanduser().resolve()
+    path = expanded(match[1]).resolve()
     return _read(path, resources.stamp(path)), match[2] or ""
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.notes import note
+from vispeg.core.paths import expanded
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import is_file
 from vispeg.robots import gripper, iiwa14, menagerie, tools
@@ -137,7 +138,7 @@ def is_path(robot: str) -> bool:
 def same(robot: str, other: str) -> bool:
     """Return whether two names or paths denote the same robot."""
     paths = is_path(robot) and is_path(other)
-    return robot == other or (paths and Path(robot).expanduser().resolve() == Path(other).expanduser().resolve())
+    return robot == other or (paths and expanded(robot).resolve() == expanded(other).resolve())
 
 
 def available() -> list[str]:
@@ -237,7 +238,7 @@ def _file(robot: str) -> Path | None:
     if Path(robot).suffix.lower() in SUFFIXES:
         if not is_file(robot):
             raise UserError("no such robot file", file=robot)
-        return Path(robot).expanduser().resolve()
+        return expanded(robot).resolve()
     if Path(robot).suffix.lower() == XACRO:
         out = Path(robot).name.partition(".")[0] + ".urdf"
         raise UserError("needs xacro", file=robot, expected=f"its result: xacro {Path(robot).name} > {out}")

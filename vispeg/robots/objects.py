@@ -15,6 +15,7 @@ import numpy as np
 
 from vispeg.core.counts import count
 from vispeg.core.errors import UserError
+from vispeg.core.paths import expanded
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import is_file
 from vispeg.robots.arm import REFUSALS
@@ -72,7 +73,7 @@ def is_object(source: str | Path) -> bool:
         return False
     try:
         check_resources(path)
-        joints = mujoco.MjSpec.from_file(str(path.expanduser())).joints
+        joints = mujoco.MjSpec.from_file(str(expanded(path))).joints
     except (UserError, *REFUSALS):
         return False
     return len(joints) == 1 and joints[0].type == FREE
@@ -92,7 +93,7 @@ def load_object(source: str | Path) -> ObjectModel:
             mass or a collision shape, MuJoCo cannot fuse it with bodies fixed to it, a shape has an impossible
             `solref`, or a contact pair or `override` rules.
     """
-    path = Path(source).expanduser()
+    path = expanded(source)
     if not is_file(path):
         raise UserError("no such file", file=path, expected="an MJCF (.xml) of one free body")
     check_resources(path)

@@ -9,6 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from vispeg.core.errors import UserError
+from vispeg.core.paths import expanded
 from vispeg.formats.guard import MB, is_file, read_bytes, read_text
 from vispeg.formats.xml_tree import read_xml
 
@@ -43,7 +44,7 @@ def files_of(path: str | Path) -> list[Path]:
     """Return a robot's file and the files that an MJCF includes, each once; not meshes and textures."""
     if not is_file(path):
         return [Path(path)]  # its reader reports it
-    files = [Path(path).expanduser().resolve()]
+    files = [expanded(path).resolve()]
     for file in files if files[0].suffix.lower() != ".urdf" else ():  # `files` grows in the loop
         mentioned = (files[0].parent / name for name in _included(file, file.stat().st_mtime_ns))
         files += [f for f in dict.fromkeys(m.resolve() for m in mentioned if is_file(m)) if f not in files]

@@ -25,6 +25,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.core.extras import missing
 from vispeg.core.files import write_bytes_atomic
+from vispeg.core.paths import expanded
 from vispeg.formats.arrays import read_arrays
 
 FLAT = 0.06  # m, greatest height of a distractor on the table, as the gripper moves over it
@@ -157,7 +158,7 @@ def size(file: str, key: str, scale: float) -> np.ndarray:
 
 def _found(file: str, key: str) -> tuple[str, int]:
     """Return a file's path and when it was last modified, ns, so that an edited file is read again."""
-    path = Path(file).expanduser()
+    path = expanded(file)
     if not path.is_file():
         raise UserError("no such mesh", file=file, key=key)
     return str(path.resolve()), path.stat().st_mtime_ns

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import Any, ClassVar
 
 from vispeg.core.errors import UserError
+from vispeg.core.paths import expanded
 from vispeg.core.typed import checked
 from vispeg.interface.observer import DOF
 from vispeg.robots.declare import RobotConfig
@@ -130,7 +130,7 @@ class TaskConfig:
             raise UserError("impossible start", key="start_radius", expected="0 to 0.2 m", got=self.start_radius)
         for key in self.files:  # absolute paths, so that the settings stay valid when they are saved elsewhere
             stated = getattr(self, key)
-            placed = tuple(str(Path(file).expanduser().absolute()) for file in _each(stated) if file)
+            placed = tuple(str(expanded(file, key=key).absolute()) for file in _each(stated) if file)
             object.__setattr__(self, key, placed if isinstance(stated, tuple) else "".join(placed))
         if not self.cameras or len(set(self.cameras)) < len(self.cameras):
             raise UserError("wrong cameras", key="cameras", expected="names, each once", got=self.cameras)

@@ -17,6 +17,7 @@ import yaml
 from vispeg import worlds
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
+from vispeg.core.paths import expanded
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import is_file, read_bytes
 from vispeg.formats.yaml_data import read_yaml
@@ -313,12 +314,11 @@ def _path(source: str | Path, beside: Path | None) -> Path:
             return named[text]
         expected = "a built-in world's name or a .yaml file"
         raise UserError("unknown world", file=beside, expected=expected, got=text, choices=list(named))
-    return Path(text).expanduser() if beside is None else _beside(text, beside)
+    return expanded(text) if beside is None else _beside(text, beside)
 
 
 def _beside(text: str, file: Path) -> Path:
-    path = Path(text).expanduser()
-    return path if path.is_absolute() else file.parent / path
+    return file.parent / expanded(text, file)  # an absolute path stays as it is
 
 
 def _placed(stated: Any, file: Path) -> Any:

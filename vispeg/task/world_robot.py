@@ -7,6 +7,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from vispeg.core.paths import expanded
 from vispeg.robots.declare import RobotConfig
 from vispeg.robots.model import is_path
 from vispeg.robots.resources import digest
@@ -35,8 +36,7 @@ def declared(stated: Any, file: Path, base: Mapping[str, Any]) -> Mapping[str, A
 
 
 def _beside(model: str, file: Path) -> str:
-    path = Path(model).expanduser()
-    return model if not is_path(model) else str(path if path.is_absolute() else (file.parent / path).absolute())
+    return str((file.parent / expanded(model, file, "robot")).absolute()) if is_path(model) else model
 
 
 def identity(model: str) -> str:

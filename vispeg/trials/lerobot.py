@@ -126,7 +126,7 @@ def read_wiring(file: str | Path) -> Wiring:
     Raises:
         UserError: no such file, invalid YAML, an unknown key or an impossible value.
     """
-    return typed(Wiring, read_yaml(Path(file).expanduser()) or {}, file)
+    return typed(Wiring, read_yaml(file) or {}, file)
 
 
 class Motors:

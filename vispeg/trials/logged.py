@@ -17,6 +17,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.notes import note
+from vispeg.core.paths import expanded
 from vispeg.interface.actions import observed
 from vispeg.interface.builder import Picture
 from vispeg.interface.interface import Interface
@@ -93,7 +94,7 @@ class LoggedRobot(Clock):
     """
 
     def __init__(self, folder: str | Path):
-        place = Path(folder).expanduser()
+        place = expanded(folder)
         self._all = _of_dataset(place) if (place / INFO).is_file() else _of_recordings(place)
         self._next, self._now = 0, 0.0
         self._apart = list[float]()  # m, distance of each commanded position from the log's

@@ -118,7 +118,7 @@ def read_topics(file: str | Path) -> Topics:
     Raises:
         UserError: no such file, invalid YAML, an unknown key or an impossible value.
     """
-    return typed(Topics, read_yaml(Path(file).expanduser()) or {}, file)
+    return typed(Topics, read_yaml(file) or {}, file)
 
 
 class Link:

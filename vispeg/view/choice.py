@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -83,5 +84,5 @@ class Choice:
 
     def _typed(self) -> None:
         path = str(self.typed.value)
-        if Path(path).expanduser().exists() and path not in ("", ".", "/"):
+        if os.path.exists(os.path.expanduser(path)) and path not in ("", ".", "/"):
             self.value = path

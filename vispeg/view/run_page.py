@@ -14,6 +14,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.extras import there
+from vispeg.core.paths import expanded
 from vispeg.core.provenance import command_line
 from vispeg.task import registry
 from vispeg.view import html
@@ -121,7 +122,7 @@ class RunPage(Page):
         if not self.folder.value:
             return
         try:
-            named = Path(self.folder.value).expanduser()
+            named = expanded(self.folder.value)
             run = read(newest(named) or named)
             others = {path: read(path) if box.value else None for path, (box, _) in self.others.items()}
         except (UserError, OSError) as error:  # such as a checkpoint that is being replaced

@@ -6,6 +6,7 @@ import threading
 from pathlib import Path
 
 from vispeg.core.errors import UserError
+from vispeg.core.paths import expanded
 from vispeg.trials.live import State, ask_stop, read_live
 from vispeg.trials.trial import FILE, Said, is_trial, read_said
 from vispeg.view import html
@@ -64,7 +65,7 @@ class TrialsPage(Page):
         with self.lock:
             if not self.folder.value:
                 return
-            place = Path(self.folder.value).expanduser()
+            place = expanded(self.folder.value)
             try:
                 state = read_live(place)
                 self._trials(place)
@@ -84,7 +85,7 @@ class TrialsPage(Page):
             if self.state is None:
                 return
             try:
-                ask_stop(Path(self.folder.value).expanduser(), self.state.id)
+                ask_stop(expanded(self.folder.value), self.state.id)
                 self.trouble.visible = False
             except (UserError, OSError) as error:
                 self._trouble(str(error))

@@ -12,6 +12,7 @@ import numpy as np
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.notes import note
+from vispeg.core.paths import expanded
 from vispeg.robots.model import same
 from vispeg.worlds.distribution import Normal
 from vispeg.worlds.entry import SERVO, of_servo
@@ -63,8 +64,8 @@ class Identified:
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= most:
                 raise UserError("not a width", file=world, key=f"model.{key}", expected=f"0 to {most:g}", got=value)
             numbers[key] = float(value)
-        file = Path(raw["file"]).expanduser()
-        return cls(file if file.is_absolute() else world.parent / file, **numbers, explicit="widen" in raw)
+        file = world.parent / expanded(raw["file"], world, "model.file")
+        return cls(file, **numbers, explicit="widen" in raw)
 
 
 def ranges_of(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:

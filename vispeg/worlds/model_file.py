@@ -15,6 +15,7 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.core.params import Param, Value
+from vispeg.core.paths import expanded
 from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import is_file
 from vispeg.formats.typed import typed
@@ -227,8 +228,8 @@ def named_from(world: World, folder: Path) -> World:
     """Return the world for a model file in `folder`: a path of the robot's file becomes relative to the folder."""
     if not (Path(world.robot).suffix and is_file(world.robot)):
         return world
-    robot = Path(world.robot).expanduser().resolve()
-    return replace(world, robot=os.path.relpath(robot, folder.expanduser().resolve()))
+    robot = expanded(world.robot).resolve()
+    return replace(world, robot=os.path.relpath(robot, expanded(folder).resolve()))
 
 
 def write_model(path: Path, world: World, overwrite: bool = False) -> Path:

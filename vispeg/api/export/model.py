@@ -16,6 +16,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import write_files_atomic
 from vispeg.core.marker import apart
 from vispeg.core.notes import note
+from vispeg.core.paths import expanded
 from vispeg.render.cameras import model_camera
 from vispeg.render.cameras.standard import standard_cameras
 from vispeg.report.text.summary import Block, Line, Summarised
@@ -107,7 +108,7 @@ def export_model(
     Raises:
         UserError: no such model, a model that the format cannot hold, a wrong file ending, or `out` exists.
     """
-    path = Path(out).expanduser()
+    path = expanded(out)
     check_ending(path, to)
     world = model if isinstance(model, World) else read_model(str(model))
     apart(path, (world.robot,) if isinstance(model, World) else (model, world.robot))

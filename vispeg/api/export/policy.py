@@ -9,6 +9,7 @@ from pathlib import Path
 from vispeg.api.export.ending import check_ending
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
+from vispeg.core.paths import expanded
 from vispeg.report.text.summary import Block, Line, Summarised
 
 
@@ -56,7 +57,7 @@ def export_policy(
         UserError: no such policy or world, a policy of two networks or one that reads the ground truth, `out` does not
             end in .onnx, or `out` exists.
     """
-    check_ending(Path(out).expanduser(), "onnx")
+    check_ending(expanded(out), "onnx")
     require("torch", "export")
     from vispeg.learn import onnx
     from vispeg.learn.interface import interface_of_policy

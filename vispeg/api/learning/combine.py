@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from vispeg.api.policies import load_policy
 from vispeg.core.extras import require
+from vispeg.core.paths import expanded
 from vispeg.report.text.summary import Block, Line, Summarised
 
 if TYPE_CHECKING:
@@ -70,5 +71,5 @@ def combine(
     require("torch", "combining policies")
     from vispeg.learn import coarse_to_fine
 
-    coarse_to_fine.combine(Path(coarse), Path(fine), within, Path(out).expanduser(), overwrite)
-    return CombinedPolicy(Path(out).expanduser(), str(coarse), str(fine), within)
+    coarse_to_fine.combine(Path(coarse), Path(fine), within, expanded(out), overwrite)
+    return CombinedPolicy(expanded(out), str(coarse), str(fine), within)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from vispeg.api.policies import load_policy
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
+from vispeg.core.paths import expanded
 from vispeg.formats.json_data import read_json
 from vispeg.report.text.summary import Block, Line, Summarised
 from vispeg.task.start import Start
@@ -107,7 +108,7 @@ def finetune(
         str(world),
         known_world,
         teacher,
-        Path(out).expanduser(),
+        expanded(out),
         settings,
         seed,
         dataset=None if dataset is None else Path(dataset),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vispeg.core.effect import OPTICAL, effect, searchable
+from vispeg.core.paths import expanded
 from vispeg.identify.signature import signature
 from vispeg.report.drawings.look import draw as draw_look
 from vispeg.report.drawings.signature import signature_panels
@@ -57,7 +58,7 @@ def draw_effect(
     kind, arm = effect(name), name in searchable()
     shown = ["effect", name, where or "", Path(robot).stem if arm and robot != ROBOT else ""]
     file = re.sub(r"[^\w.]+", "-", "-".join(filter(None, shown)))
-    path = Path(out).expanduser() / f"{file}.png"
+    path = expanded(out) / f"{file}.png"
     scene = None if arm else build()  # the cell, where an arm alone does not show the effect
     if where is not None:
         place(kind, where, load(robot) if scene is None else scene)

@@ -9,6 +9,7 @@ from vispeg.api.measure.result import MeasurementResult, MeasureSettings, comple
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
+from vispeg.core.paths import expanded
 from vispeg.core.seeds import stream
 from vispeg.core.several import several
 from vispeg.measure import joint as joints
@@ -85,7 +86,7 @@ def measure_joint(
         full = complete(full, paths, settings.seed)
         (folder / NAME).write_text(measurement_text(full), encoding="utf-8")
     written = f"{out}: {NAME}, joint.png" + (", actuator.xml" if measured.servo else "")
-    return MeasurementResult(full, Path(out).expanduser() / NAME, written, budget=False)
+    return MeasurementResult(full, expanded(out) / NAME, written, budget=False)
 
 
 def _traces(

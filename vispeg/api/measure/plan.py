@@ -12,6 +12,7 @@ import numpy as np
 from vispeg.api.inputs import read_model
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
+from vispeg.core.paths import expanded
 from vispeg.core.seeds import stream
 from vispeg.identify.record import centre_of
 from vispeg.measure.plan import Part, plan, table
@@ -119,7 +120,7 @@ def plan_joint(
         raise UserError("not a rate", key="--rate", expected="20 to 5000 Hz", got=rate_hz)
     middle = float(centre[arm.joints.index(joint)]) if joint in arm.joints else 0.0
     parts = plan(arm, joint, middle, size, rate_hz, stream(seed, "measure", "plan"))
-    result = MotionPlan(Path(out).expanduser(), joint, robot, rate_hz, parts)
+    result = MotionPlan(expanded(out), joint, robot, rate_hz, parts)
     with new_folder(out, overwrite, holds="plan") as folder:
         for name, part in zip(result.names, parts, strict=True):
             (folder / name).write_text(table(part, arm.joints, centre, joint), encoding="utf-8")

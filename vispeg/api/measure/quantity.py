@@ -13,6 +13,7 @@ from vispeg.api.measure.result import MeasurementResult, MeasureSettings, check_
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.params import Value
+from vispeg.core.paths import expanded
 from vispeg.core.seeds import stream
 from vispeg.core.several import several
 from vispeg.effects.common.parts import body_of, held, shapes, touching
@@ -263,7 +264,7 @@ def _measured(
     effects: Effects,
 ) -> MeasurementResult:
     """Measure and write the result; if it cannot be an effect of a model, add a note with the reason."""
-    check_out(Path(out).expanduser(), settings.overwrite)
+    check_out(expanded(out), settings.overwrite)
     outcome = measure(stream(settings.seed, "measure", protocol))
     notes, of_model = list(outcome.notes), list[EffectInstance]()
     try:
@@ -279,7 +280,7 @@ def _measured(
         notes=tuple(notes),
         details=outcome.details,
     )
-    return write(measurement, Path(out).expanduser(), inputs, settings)
+    return write(measurement, expanded(out), inputs, settings)
 
 
 def _nominal(what: Literal["mass", "friction"], part: str, nominal: float | None, world: str) -> float:

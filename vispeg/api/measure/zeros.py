@@ -14,6 +14,7 @@ from vispeg.api.recording.convert import placed as placed_robot
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.params import Value
+from vispeg.core.paths import expanded
 from vispeg.core.rotation import quaternion
 from vispeg.measure.becomes import placed
 from vispeg.measure.pose_table import Readings, best, readings
@@ -58,7 +59,7 @@ def measure_zeros(
     """
     settings = settings or MeasureSettings()
     path, robot = Path(table), placed_robot(robot)
-    check_out(Path(out).expanduser(), settings.overwrite)
+    check_out(expanded(out), settings.overwrite)
     model = load(robot)
     arm = Screws(lambda q: flange_pose(model, q), len(model.joints))
     fixed = {"base_known": base == "known", "tool_known": tool == "known"}
@@ -83,7 +84,7 @@ def measure_zeros(
         notes=tuple(_notes(found, way, model.joints, rows)),
         details=_details(found, **fixed),
     )
-    return write(measurement, Path(out).expanduser(), [path], settings)
+    return write(measurement, expanded(out), [path], settings)
 
 
 def _poses(way: Readings) -> Poses:

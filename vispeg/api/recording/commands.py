@@ -12,6 +12,7 @@ from vispeg.api.recording.cell import cell_motion, motions_of
 from vispeg.api.recording.look import LOOK_S, scene_of
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
+from vispeg.core.paths import expanded
 from vispeg.core.seeds import stream
 from vispeg.identify.excitation import MOTIONS as JOINT
 from vispeg.identify.excitation import motion as excitation
@@ -110,9 +111,9 @@ def write_motion(
     choices = names(model=model)
     if name not in choices:
         raise UserError("unknown motion", key="name", got=name, choices=choices)
-    if out is None or Path(out).expanduser().suffix != ".csv":
+    if out is None or expanded(out).suffix != ".csv":
         raise UserError("no file to write to", key="--out", expected="a .csv file", got=out)
-    path = Path(out).expanduser()
+    path = expanded(out)
     if overwrite and path.exists():
         _refuse_other(path)
     model = model or (OPEN_CELL if name in (*names("contact"), *names("cell")) else "iiwa14")

@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import Literal, get_args
 
 from vispeg.core.errors import UserError
+from vispeg.core.paths import expanded
 from vispeg.core.several import several
 from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.frames.camera import RecordedCamera, Sensor
@@ -119,7 +120,7 @@ def convert(
             stated = "the bag" if bag else "a map" if mapping is None else "the map"
             refuse_units(rec, model, columns, file, stated, needs_of(load_for(rec.joints, robot), rec))
         read = [source, mapping if isinstance(mapping, Path) else None, *files]
-        write(rec, Path(out).expanduser(), overwrite, table, inputs=read)
+        write(rec, expanded(out), overwrite, table, inputs=read)
     return rec
 
 
@@ -152,13 +153,13 @@ def convert_object(
         raise UserError("cannot be converted", file=source, expected=expected)
     rate_hz = None if rate_hz is None else checked_rate(rate_hz, "--rate-hz")
     rec = import_object(source, load_object(robot).name, rate_hz, first, last)
-    write_object(rec, Path(out).expanduser(), overwrite, inputs=(source, robot))
+    write_object(rec, expanded(out), overwrite, inputs=(source, robot))
     return rec
 
 
 def placed(robot: str) -> str:
     """Return a robot's name, or the absolute path of its file, which stays valid in other folders."""
-    return str(Path(robot).expanduser().resolve()) if Path(robot).suffix else robot
+    return str(expanded(robot).resolve()) if Path(robot).suffix else robot
 
 
 def _kinds(stated: str | Sequence[str]) -> dict[str, Sensor]:

@@ -13,6 +13,7 @@ from vispeg.api.playing import Playing, check_numbers, folders, other_tolerances
 from vispeg.api.stress.result import Stressed
 from vispeg.core.cluster import Engine
 from vispeg.core.errors import UserError
+from vispeg.core.paths import expanded
 from vispeg.evaluation import suite as suites
 from vispeg.evaluation.entrants import Entrant, Policies, refuse_trained_on
 from vispeg.evaluation.folder import EPISODES, workplace
@@ -113,7 +114,7 @@ def suite(
         settings = suites.settings(chosen, {file.name: str(w) for file, w in zip(files, worlds, strict=True)})
         jobs = make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds")
         ends = [*play(jobs, place, workers, playing, engine), *trials.episodes]
-        version_name = version or ("" if out is None else Path(out).expanduser().resolve().name)
+        version_name = version or ("" if out is None else expanded(out).resolve().name)
         about = {**suites.summarise(ends, names[0], names[1], version_name, hashes), "notes": notes}
         record, played_names = stamped(about, seed, folders(who)), names_of(place / EPISODES)
         result = SuiteResult(record, tuple(ends), sources=tuple(read), names=played_names)

@@ -11,6 +11,7 @@ from typing import Any
 from vispeg.api.playing import stamped
 from vispeg.api.result import Result
 from vispeg.core.files import write_text_atomic
+from vispeg.core.paths import expanded
 from vispeg.core.several import several
 from vispeg.evaluation import suite as suites
 from vispeg.evaluation.folder import workplace
@@ -57,7 +58,7 @@ class VersionsResult(Result):
         """Write compare.json and suite.html into a folder; see `Result.save`."""
         with workplace(out, "compare.json", overwrite, self.sources) as place:
             self._write(place)
-        return Path(out).expanduser()
+        return expanded(out)
 
     def _write(self, folder: Path) -> None:
         values = stamped(self.record, 0, [Path(p) for p in self.sources])

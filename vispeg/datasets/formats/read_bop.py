@@ -16,6 +16,7 @@ from typing import Any, NotRequired, TypedDict
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.paths import expanded
 from vispeg.datasets.codec import DEPTH_STEP, decode
 from vispeg.datasets.describe import BOP_CAMERA, Made, is_integer, is_number
 from vispeg.datasets.episodes import Stretch, of_episode
@@ -66,7 +67,7 @@ class Bop:
     """
 
     def __init__(self, folder: str | Path):
-        self.folder = Path(folder).expanduser()
+        self.folder = expanded(folder)
         self._kept: OrderedDict[int, dict[str, np.ndarray]] = OrderedDict()
         self.scenes = sorted(
             path.parent for path in self.folder.glob(f"*/*/{BOP_CAMERA}") if path.parent.name.isdigit()

@@ -15,6 +15,7 @@ from typing import Any
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder, refuse, remove_abandoned, write_bytes_atomic, write_text_atomic
+from vispeg.core.paths import expanded
 from vispeg.core.provenance import version_of
 from vispeg.datasets.layout import Layout
 from vispeg.datasets.lerobot import DATA, EPISODES, finish, path_of, place
@@ -58,7 +59,7 @@ def render(
         UserError: `out` holds other files, an unfinished rendering has other settings, the disk is full, or an error of
             the source. Finished shards are kept.
     """
-    target = Path(out).expanduser()
+    target = expanded(out)
     refuse(target, overwrite, holds="dataset", inputs=(plan.world,))
     work = target.resolve().with_name(target.resolve().name + ".unfinished")
     _begin(work, plan)

@@ -18,6 +18,7 @@ import numpy as np
 
 from vispeg.core.assets import PACKAGE
 from vispeg.core.errors import UserError
+from vispeg.core.paths import expanded
 from vispeg.core.provenance import digest as file_digest
 from vispeg.formats.guard import refuse_special
 
@@ -41,7 +42,7 @@ def images(endings: tuple[str, ...], training: bool = False) -> tuple[Path, ...]
     """
     named = os.environ.get(FOLDER)
     if named:
-        folder = Path(named).expanduser()
+        folder = expanded(named)
         if not folder.is_dir():
             raise UserError(f"{FOLDER} does not name a folder", file=named)
         paths = _below(folder, endings, training)
