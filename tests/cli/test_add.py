@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from vispeg.api.add import add
 from vispeg.core.effect import effect
 from vispeg.robots.model import load
 from vispeg.worlds.model_file import load_model
@@ -22,6 +23,12 @@ def test_add_then_replace_then_keep(vispeg, tmp_path):
     was, now = b.effects[0].params, c.effects[0].params
     assert len(c.effects) == 2 and c.effects[1] == b.effects[1]
     assert now["velocity"].value == pytest.approx(0.1) and now["coulomb"] == was["coulomb"]
+
+
+@pytest.mark.parametrize("settings", ["mass=0.6 z=0.07", ["mass=0.6", "z=0.07"]])
+def test_values_in_one_text_or_each_in_its_own(tmp_path, settings):
+    (payload,) = add("iiwa14", "payload", tmp_path / "a.yaml", where="flange", settings=settings).added
+    assert (payload.params["mass"].value, payload.params["z"].value) == (0.6, 0.07)
 
 
 def test_one_place_of_all(vispeg, tmp_path):

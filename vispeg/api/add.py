@@ -76,7 +76,7 @@ def add(
         name: an effect's name (`vispeg effects` lists them), or a measurement file, whose effects are added.
         out: the model file to write.
         where: place: a joint, a link, `flange`, `base`, or `all`; a measurement has its own place.
-        settings: values, such as torque=1.2 velocity=0.05.
+        settings: values, such as torque=1.2 velocity=0.05; in one text, or each in its own.
         overwrite: replace `out`, if it is a model file.
 
     Raises:
@@ -94,7 +94,7 @@ def add(
             raise UserError("a measurement has its own place and values", expected="no WHERE and no --set beside it")
         added = _measured(name, world, robot)
     else:
-        added = [_stated(name, where, several(settings), world, robot)]
+        added = [_stated(name, where, " ".join(several(settings)).split(), world, robot)]
     world = world.add(*added)
     write_model(path, world, overwrite)
     return AddedEffects(path, world, added)
