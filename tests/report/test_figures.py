@@ -31,6 +31,19 @@ def test_thinning_keeps_extremes_order_and_gaps():
     np.testing.assert_array_equal(values[index], v)
 
 
+@pytest.mark.parametrize("n", [900, 20_000])
+@pytest.mark.parametrize("every", [1, 7])
+def test_a_gap_of_one_sample_stays_and_a_slower_line_has_none(n, every):
+    time = np.arange(n) / 500
+    values = np.where(np.arange(n) % every == 0, np.sin(time), np.nan)
+    assert np.isfinite(thin(time, values)[1]).all()
+    gone = n // 3 // every * every
+    values[gone] = np.nan
+    t, v = thin(time, values)
+    (at,) = t[np.isnan(v)]
+    assert abs(at - time[gone]) < every / 500 and len(t) <= 1500
+
+
 def test_short_lines_are_left_alone():
     t, v = thin(np.arange(5.0), np.arange(5.0))
     assert len(t) == len(v) == 5
