@@ -332,6 +332,8 @@ def test_the_smaller_pages_speak_in_words():
 
 
 def test_text_has_no_negative_zero_and_no_false_certainty():
+    half = {"value": 0.5, "low": 0.25, "high": None, "n": 2}  # with an end that no data determine
+    assert (words.rate(half), words.signed(half), words.rate(None)) == ("50 %", "+50", "-")
     assert words.signed({"value": -0.001, "low": -0.004, "high": 0.12}) == "0 (0 to 12)"
     assert (
         words.change({"value": 0.2, "low": 0.1, "high": 0.31})

@@ -34,7 +34,7 @@ def render(values: Mapping[str, Any], strip: Strip | None = None) -> str:
             words.rate(c["without"]),
             words.rate(c["with_it"]),
             words.change(c["cost"]),
-            words.share(c["share"]),
+            words.rate(c["share"]),
             words.p_value(c["p_holm"]),
             c["verdict"],
             "; ".join(c.get("points_to_it") or ()) or "-",

@@ -135,7 +135,10 @@ def perturb_page(values: Mapping[str, Any]) -> str:
     for i, policy in enumerate(policies):
         rows = [r for r in values["rows"] if r["policy"] == policy]
         lines.append(f"{policy}: {_weakest([r for r in rows if r['still']])}")
-        cells = [[r["position"], _rate(r["still"]), _rate(r["pushed"]), _cost(r), r["verdict"] or "-"] for r in rows]
+        cells = [
+            [r["position"], words.rate(r["still"]), words.rate(r["pushed"]), _cost(r), r["verdict"] or "-"]
+            for r in rows
+        ]
         heads = ("position", "still", "pushed", "change by the push, points", "verdict")
         sections.append(table_page.table(policy, heads, cells, picture=positions(rows, f"positions{i}")))
     low, high = values["force"]
@@ -153,10 +156,6 @@ def _weakest(rows: list[Any]) -> str:
     if len(weakest) == len(rows) > 1:
         return f"{words.rate(worst)} still, in every position"
     return f"weakest {', '.join(weakest)}: {words.rate(worst)} still"
-
-
-def _rate(e: Mapping[str, Any] | None) -> str:
-    return "-" if e is None else words.rate(e)
 
 
 def _cost(r: Mapping[str, Any]) -> str:

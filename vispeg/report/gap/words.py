@@ -34,14 +34,9 @@ def percent(value: float | None) -> str:
     return text.removesuffix(".0").replace("-", "\N{MINUS SIGN}") + " %"
 
 
-def rate(e: Row) -> str:
-    """Return a success rate with its interval: `87 % (81 to 92)`."""
-    return f"{percent(e['value'])} ({100 * e['low']:.0f} to {100 * e['high']:.0f})"
-
-
-def share(e: Row | None) -> str:
-    """Return a share of a loss, which may be below 0 % or above 100 %: `15 % (−12 to 75)`."""
-    return "-" if e is None else f"{percent(e['value'])} ({hundredths(e['low'])} to {hundredths(e['high'])})"
+def rate(e: Row | None) -> str:
+    """Return a rate, or a share (which may be below 0 % or above 100 %), with its interval: `87 % (81 to 92)`."""
+    return "-" if e is None else percent(e["value"]) + _interval(e)
 
 
 def rate_of(e: Row) -> str:
@@ -61,10 +56,15 @@ def hundredths(value: float, sign: str = "") -> str:
 
 
 def signed(e: Row) -> str:
-    """Return a difference of success with its interval, in percentage points: `+12 (7 to 18)`."""
-    if e["value"] is None or e["low"] is None:
-        return points(e["value"])
-    return f"{points(e['value'])} ({hundredths(e['low'])} to {hundredths(e['high'])})"
+    """Return a difference of success with its interval, if it has one, in percentage points: `+12 (7 to 18)`."""
+    return points(e["value"]) + _interval(e)
+
+
+def _interval(e: Row) -> str:
+    """Return an interval behind its estimate, in hundredths; empty if an end or the estimate is missing."""
+    if None in (e["value"], e["low"], e["high"]):
+        return ""
+    return f" ({hundredths(e['low'])} to {hundredths(e['high'])})"
 
 
 def change(e: Row) -> str:
