@@ -2,6 +2,7 @@
 
 import re
 from io import StringIO
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -47,6 +48,27 @@ def test_a_gap_of_one_sample_stays_and_a_slower_line_has_none(n, every):
 def test_short_lines_are_left_alone():
     t, v = thin(np.arange(5.0), np.arange(5.0))
     assert len(t) == len(v) == 5
+
+
+@pytest.mark.parametrize(
+    "label",
+    [
+        'id="a"',
+        'd="M 1.23456"',
+        'style="fill: #16181d"',
+        "joint font-family: 1; 2",
+        "url(#a",
+        "a version='2'",
+        'x="1.234"',
+    ],
+)
+def test_a_name_is_shown_as_it_is_even_if_it_looks_like_markup(label):
+    with styled():
+        figure = new_figure(2.0)
+        figure.subplots().set_title(label)
+        text = svg(figure, "names", "names")
+    (shown,) = [e.text for e in ElementTree.fromstring(text).iter("text") if not re.fullmatch(r"[\d.]+", e.text)]
+    assert shown == label
 
 
 def test_a_figure_that_is_laid_out_first_is_drawn_as_savefig_draws_it():

@@ -147,6 +147,8 @@ def saved(figure: Figure, name: str, description: str) -> str:
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.S)
+    words = re.findall(r">([^<]*[^<\s][^<]*)(?=<)", text)  # set aside, as they may look like what is changed below
+    text = re.sub(r">[^<]*[^<\s][^<]*(?=<)", ">\0", text)
     text = re.sub(r"""\s(?:xmlns(?::\w+)?|version)=["'][^"']*["']""", "", text)
     text = text.replace("xlink:href=", "href=")
     text = re.sub(r'\bid="', f'id="{name}-', text)
@@ -157,6 +159,8 @@ def saved(figure: Figure, name: str, description: str) -> str:
     label = escape(description, quote=True)
     text = re.sub(r'\bfill="(#[0-9a-f]{6})"', r'style="fill: \1"', text)  # of a hatch
     body = re.sub(r'style="[^"]*"', lambda style: themed(style[0]), text[text.index(">") + 1 :])
+    parts = body.split("\0")
+    body = "".join(part + word for part, word in zip(parts, [*words, ""], strict=True))
     return f'{head} font-family="{FONT}" role="img" aria-label="{label}"><title>{label}</title>{body}'
 
 
