@@ -126,6 +126,16 @@ def test_the_hidden_effect_is_named_and_what_tosses_cannot_tell_is_said(cube):
     assert refused and "object_mass" not in refused, "what changes no toss is not fitted"
 
 
+def test_what_an_earlier_search_left_in_part_is_fitted_anew_and_has_its_profile(cube):
+    partial = replace(EffectInstance.of("contact_friction", "cube", scale=0.7), partial=True)
+    fit, judge = tossed(5, friction=0.18), tossed(6, friction=0.18)
+    world = World(robot=str(cube)).add(partial)
+    got = diagnose_object(world, load_object(cube), [fit], [judge])
+    assert [e.label for e in got.added] == [f"{e['effect']}({e['where']})" for e in got.record["effects"]] != []
+    profiles = {p["parameter"] for p in got.record["restarts"][0]["parameters"]}
+    assert {p.partition(".")[0] for p in profiles} == {e.label for e in got.added}
+
+
 TOLD = {"parameter": "contact_friction(cube).scale", "told": True}
 COMMAND = "vispeg diagnose cube.xml --recording a --validate b --out found"
 

@@ -163,8 +163,8 @@ def diagnose(
         resolve(thing, asked=channels)  # refuses channels that an object does not have
         tosses = diagnose_tosses(thing, recordings, validate, seed, threads, say, None if part is None else Path(part))
         record = finite({**tosses.result.record, "provenance": tosses.provenance})
-        named = tosses.result.world.effects[len(thing.effects) :]
-        return DiagnosisResult(record, tosses.result.world, {}, named, tosses.files, tosses.progress)
+        found = tosses.result
+        return DiagnosisResult(record, found.world, {}, found.added, tosses.files, tosses.progress)
     options = {**windows(model, seconds, recordings, validate), "hold_out": hold_out, "reading": reading}
     inputs = read_inputs(model, recordings, validate, **options)
     price = Price.of(policies, cell, episodes, inputs.world) if policies else None
@@ -190,9 +190,8 @@ def diagnose(
         cost["cost"] = price.paid(result.world, remainder, seed=seed, part=folder, say=say)
         stamp["inputs"] |= {e.name: e.digest for e in price.who}
     record = finite({**result.record, **cost, "provenance": stamp})
-    effects = result.world.effects[len(result.world.effects) - len(record["effects"]) :]
     files = inputs.files if before is None else (*inputs.files, *before.files)
-    return DiagnosisResult(record, result.world, result.arrays, effects, files, progress)
+    return DiagnosisResult(record, result.world, result.arrays, result.added, files, progress)
 
 
 def renamed(channels: Sequence[str], rooms: Sequence[str]) -> Sequence[str]:

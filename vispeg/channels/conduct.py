@@ -82,16 +82,10 @@ class ChannelResult:
     assumed: tuple[EffectInstance, ...]
 
     @property
-    def added(self) -> tuple[EffectInstance, ...]:
-        """The effects that the channel itself found: the last ones of its model."""
-        effects = self.diagnosis.world.effects
-        return effects[len(effects) - len(self.diagnosis.record["effects"]) :]
-
-    @property
     def firm(self) -> tuple[EffectInstance, ...]:
-        """Those of `added` that other channels may take as known: of a FIRM verdict, neither partial nor tentative."""
+        """Those that it found and others may take as known: of a FIRM verdict, neither partial nor tentative."""
         sure = self.diagnosis.record["verdict"] in FIRM
-        return tuple(e for e in self.added if sure and not e.partial and not e.tentative)
+        return tuple(e for e in self.diagnosis.added if sure and not e.partial and not e.tentative)
 
 
 def search_in_turn(
@@ -142,7 +136,7 @@ def joined(results: Sequence[ChannelResult], world: World) -> Diagnosis:
     added: dict[str, EffectInstance] = {}
     listed: list[Any] = []
     for result in results:
-        for e, row in zip(result.added, result.diagnosis.record["effects"], strict=True):
+        for e, row in zip(result.diagnosis.added, result.diagnosis.record["effects"], strict=True):
             if e.label not in added:
                 added[e.label] = e
                 listed.append({**row, "channel": result.channel.name})

@@ -153,7 +153,7 @@ def diagnose_object(
     search.seed = seed
     diagnosis, state = concluded(search, world, (fitted, held_out))
     say("what each length of window can tell")
-    work_out = partial(windows, search, world, state.world)
+    work_out = partial(windows, search, world, state)
     rows = search.progress.recall(["windows", model_text(state.world)], work_out)
     record = diagnosis.record
     never = [s for s in record.get("shows_from", ()) if not any(s["between"].values())]
@@ -193,24 +193,24 @@ def contact_numbers(model: ObjectModel, world: World) -> dict[str, float]:
     }
 
 
-def windows(search: ObjectSearch, before: World, after: World) -> list[Mapping[str, object]]:
-    """Return for each window length both models' errors on held-out tosses, and the profiles of added parameters.
+def windows(search: ObjectSearch, before: World, state: State) -> list[Mapping[str, object]]:
+    """Return for each window length both models' errors on held-out tosses, and the profiles of fitted parameters.
 
-    A profile is the error of the fitted tosses over one parameter of an effect that `after` has beyond `before`.
+    A profile is the error of the fitted tosses over one parameter of an effect that the search has fitted.
     """
     rows = []
     rng = np.random.default_rng([search.seed, 41])
     for label, seconds in WINDOWS.items():
         evidence, judged = search.evidence.over(seconds), search.judged.over(seconds)
         row: dict[str, object] = {"window": label, "count": sum(len(w.first) for w in judged.items)}
-        for name, world in (("before", before), ("after", after)):
+        for name, world in (("before", before), ("after", state.world)):
             distance, turn = judged.missed(world)
             row[name] = {"median_m": float(np.median(distance)), "median_rad": float(np.median(turn)),
                          "rms_m": float(np.sqrt(np.mean(distance**2)))}  # fmt: skip
         parameters: list[Mapping[str, object]] = []
-        for e in after.effects[len(before.effects) :]:
+        for e in state.added:
             for name in effect(e.effect).magnitudes:
-                p = profile(evidence, after, e, name, rng)
+                p = profile(evidence, state.world, e, name, rng)
                 parameters.append({
                     "parameter": p.label, "best": p.best, "low": p.low, "high": p.high, "told": p.determined,
                     "profile": {"value": p.values.tolist(), "error": p.error.tolist()},

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.beginning import Beginning, of_joints
 from vispeg.diagnosis.conclusion.farthest import farthest
@@ -56,6 +57,11 @@ class Diagnosis:
     record: DiagnosisRecord
     world: World
     arrays: dict[str, np.ndarray]
+
+    @property
+    def added(self) -> tuple[EffectInstance, ...]:
+        """The effects that the record lists, which are the last ones of the model; partial ones of the user's too."""
+        return self.world.effects[len(self.world.effects) - len(self.record["effects"]) :]
 
 
 def diagnose(
