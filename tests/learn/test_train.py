@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -337,6 +338,24 @@ def test_a_run_is_replaced_on_request_alone_and_is_there_again_if_the_new_one_ne
     assert again.seed == 1 and (run / "progress.csv").read_bytes() != first[Path("progress.csv")]
     train(config(steps=320), run, make("state"), **other)
     assert curve(run) and read_config(run / "config.yaml").seed == 0
+    assert [p.name for p in tmp_path.iterdir()] == ["run"]
+
+
+def test_a_run_put_aside_by_one_that_was_killed_is_there_again_for_any_other(tmp_path):
+    run = tmp_path / "run"
+    train(config(steps=320), run, make("state"), show=False)
+    first = {p.relative_to(run): p.read_bytes() for p in run.rglob("*") if p.is_file()}
+
+    def killed(*args, **kwargs):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    if (child := os.fork()) == 0:
+        train(config(steps=320), run, killed, show=False, overwrite=True)
+    os.waitpid(child, 0)
+    assert not run.exists()
+    with pytest.raises(UserError, match="exists already"):
+        train(config(steps=320, seed=1), run, make("state"), show=False)
+    assert {p.relative_to(run): p.read_bytes() for p in run.rglob("*") if p.is_file()} == first
     assert [p.name for p in tmp_path.iterdir()] == ["run"]
 
 

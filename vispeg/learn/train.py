@@ -9,7 +9,7 @@ from pathlib import Path
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import recover, set_aside
-from vispeg.core.lock import claimed
+from vispeg.core.lock import LOCK, claimed
 from vispeg.learn.config import TrainConfig, read_config
 from vispeg.learn.curves.progress import Table
 from vispeg.learn.envs import MakeEnv
@@ -36,19 +36,19 @@ def train(
     Raises:
         UserError: the folder holds something else, the configuration cannot be run, or another process trains there.
     """
-    if overwrite and folder.exists() and (folder.is_file() or any(folder.iterdir())):
-        refuse_other(config, folder)
-        with claimed(folder):
-            recover(folder.resolve())
+    with claimed(folder):
+        recover(folder.resolve())
+        if not folder.exists() or (folder.is_dir() and {p.name for p in folder.iterdir()} <= {LOCK}):
+            return _begin(config, folder, make, show)
+        if overwrite:
+            refuse_other(config, folder)
             with set_aside(folder, lambda: is_kept(folder)):
                 return _begin(config, folder, make, show)
-    if folder.exists() and any(folder.iterdir()):
-        if not same_run(config, folder):
+        if folder.is_file() or not same_run(config, folder):
             expected = "another folder, --resume to continue the run there, or --overwrite to replace it"
             raise UserError("exists already", file=folder, expected=expected)
         if (folder / "config.yaml").exists():  # missing where a full disk stopped the run early
             return resume(folder, make=make, show=show)
-    with claimed(folder):
         return _begin(config, folder, make, show)
 
 
