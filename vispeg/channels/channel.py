@@ -74,8 +74,12 @@ class Channel(ABC):
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        if "name" in cls.__dict__:  # a subclass without a name is an abstract base of channels
-            CHANNELS.enrol(cls.name, cls())
+        if "name" not in cls.__dict__:  # an abstract base of channels
+            return
+        for key in dir(cls):  # `abc` looks for them only after this method, so it would make an instance without them
+            if getattr(getattr(cls, key, None), "__isabstractmethod__", False):
+                raise UserError("not defined", file=cls.__module__, key=f"{cls.__name__}.{key}", expected="a method")
+        CHANNELS.enrol(cls.name, cls())
 
     # Which recordings and effects it is for ----------------------------------------------------------------------
     @abstractmethod
