@@ -88,6 +88,6 @@ def test_a_module_that_cannot_be_imported_is_one_line(folder, name, why):
 @pytest.mark.parametrize("method", ["shows", "predict"])
 def test_a_channel_that_lacks_a_method_is_one_line(folder, method):
     (folder / "mine.py").write_text(MINE.replace(f"def {method}(", f"def {method}_("), encoding="utf-8")
-    said = vispeg(folder, "mine", "compare", "iiwa14", "--recording", "rig", "--channels", "joints", "--out", "out")
-    assert said.returncode == 2 and not said.stdout and not (folder / "out").exists()
+    said = vispeg(folder, "mine", "effects")
+    assert said.returncode == 2 and not said.stdout
     assert said.stderr == f"vispeg: error: mine: Current.{method}: not defined; expected a method\n"
