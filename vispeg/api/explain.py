@@ -110,7 +110,7 @@ class ExplainResult(Stressed):
 
 def _cause(c: Mapping[str, Any]) -> list[str]:
     points = "; ".join(c["points_to_it"]) or "-"
-    return [c["effect"], c["words"], words.share(c["share"]), points, c["cure"] or "-", words.hours(c["hours"])]
+    return [c["effect"], c["words"], words.rate(c["share"]), points, c["cure"] or "-", words.hours(c["hours"])]
 
 
 def _step(s: Mapping[str, Any]) -> list[str]:
