@@ -22,7 +22,9 @@ from vispeg.robots.declare import RobotConfig
 from vispeg.robots.model import available, load, load_for
 from vispeg.robots.scene import build
 from vispeg.robots.scene_config import SceneConfig
+from vispeg.task.world_file import world_hash
 from vispeg.task.world_robot import identity
+from vispeg.worlds.world import World
 
 SHARED = Path(os.environ.get("VISPEG_SHARED", Path(__file__).resolve().parents[3] / "shared"))
 LWR4 = SHARED / "data" / "kuka-lwr4" / "kuka_lwr4.urdf"
@@ -387,6 +389,24 @@ def test_an_edited_part_of_a_file_is_read_again_and_is_another_robot(tmp_path):
     assert load(path).compile().body_mass.sum() == 5.0 and identity(str(path)) != before
     alone = write(tmp_path, MJCF, "alone.xml")
     assert identity(str(alone)) == hashlib.sha256(alone.read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "mesh"),
+    [
+        ("arm.xml", MJCF.format(inertial=INERTIAL), "meshes/skin.stl"),
+        ("arm.urdf", URDF, "two_description/meshes/upper.stl"),
+    ],
+)
+def test_an_arm_with_an_edited_mesh_is_another_robot_and_its_world_another_world(tmp_path, name, text, mesh):
+    path, skin = write(tmp_path, text, name), tmp_path / mesh
+    skin.parent.mkdir(parents=True)
+    hashes = set()
+    for size in (0.1, 0.2, 0.2):
+        trimesh.creation.box((size,) * 3).export(skin)
+        config = {"robot": {"model": str(path)}}
+        hashes.add((identity(str(path)), world_hash(World(robot=str(path)), config)))
+    assert len({robot for robot, _ in hashes}) == len({world for _, world in hashes}) == 2
 
 
 def test_a_cell_with_an_edited_arm_or_gripper_is_built_again(tmp_path):

@@ -24,6 +24,7 @@ from vispeg.recordings.progress import Reading, silent
 from vispeg.recordings.recording import Recording, in_order
 from vispeg.recordings.schema import Header
 from vispeg.recordings.windows import SECONDS, choose, split
+from vispeg.robots import resources
 from vispeg.robots.declared import declared
 from vispeg.robots.model import RobotModel
 from vispeg.robots.model import load as load_robot
@@ -67,7 +68,7 @@ class Inputs:
 
     def key(self) -> list[object]:
         """Return everything that determines a result, as plain data."""
-        robot = digest(self.world.robot) if Path(self.world.robot).is_file() else None
+        robot = resources.digest(self.world.robot) if Path(self.world.robot).is_file() else None
         return [model_text(self.world), robot, *([*group.values()] for group in self.digests), self.hold_out]
 
 

@@ -16,6 +16,7 @@ from vispeg.core.several import several
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.recordings.objects import ObjectRecording, load_object_recording
+from vispeg.robots import resources
 from vispeg.robots.objects import is_object, load_object
 from vispeg.sim.placement import activate
 from vispeg.worlds.model_file import load_model, model_text
@@ -75,7 +76,7 @@ def diagnose_tosses(
     if part is not None:
         read = [[hashlib.sha256(r.pose.tobytes()).hexdigest() for r in group] for group in (fitted, held_out)]
         progress = Progress(
-            part / "progress.json", [model_text(world), digest(world.robot), read, seed, stamp["versions"]]
+            part / "progress.json", [model_text(world), resources.digest(world.robot), read, seed, stamp["versions"]]
         )
     say("going on" if progress is not None and progress.resumed else "simulating")
     how = How(seed=seed, threads=threads, say=say, progress=Progress() if progress is None else progress)

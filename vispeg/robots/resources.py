@@ -5,16 +5,20 @@ from __future__ import annotations
 import hashlib
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
 from vispeg.core.errors import UserError
 from vispeg.core.paths import expanded
-from vispeg.formats.guard import MB, is_file, read_bytes, read_text
+from vispeg.formats.guard import MB, is_file, opened, read_text
 from vispeg.formats.xml_tree import read_xml
+from vispeg.robots.urdf import locate
 
 ELEMENTS = 20_000  # greatest number of elements, copies included; arms have some hundreds
 PARTS = ("include", "model")  # elements that name another MJCF
+ASSETS = ("mesh", "hfield", "skin", "texture", "flexcomp")  # elements that name a file of data
 COPIES = ("replicate", "composite", "flexcomp")
 LARGEST = 16_384  # greatest value of the attributes in SIDES
 SIDES = {
@@ -57,8 +61,28 @@ def stamp(path: str | Path) -> tuple[int, ...]:
 
 
 def digest(path: str | Path) -> str:
-    """Return the SHA-256 (hex) of a robot's file and the files that it includes."""
-    return hashlib.sha256(b"".join(read_bytes(file) for file in files_of(path))).hexdigest()
+    """Return the SHA-256 (hex) of a robot's file, the files that it includes, and its meshes and textures."""
+    files, hashed = files_of(path), hashlib.sha256()
+    for file in (*files, *_assets(files)):
+        with opened(file) as content:
+            hashed.update(content.read())
+    return hashed.hexdigest()
+
+
+def _assets(files: Sequence[Path]) -> list[Path]:
+    """Return the meshes, height fields, skins and textures that a robot's files name, each once; not missing ones.
+
+    Each is looked for in every folder that any of the files states.
+    """
+    elements: list[ET.Element] = []
+    for file in files:
+        with suppress(UserError):  # its reader reports it
+            elements += read_xml(file).iter()
+    stated = [e.get(key, "") for e in elements if e.tag == "compiler" for key in ("meshdir", "texturedir", "assetdir")]
+    folders = [file.parent / name for file in files for name in dict.fromkeys(["", *stated])]
+    names = [text for e in elements if e.tag in ASSETS for key, text in e.items() if key.startswith("file")]
+    tries = [locate(tried, at) for name in names if name for at in folders for tried in (name, Path(name).name)]
+    return list(dict.fromkeys(found.resolve() for found in tries if found is not None))
 
 
 @lru_cache(maxsize=256)

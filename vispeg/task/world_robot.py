@@ -40,5 +40,5 @@ def _beside(model: str, file: Path) -> str:
 
 
 def identity(model: str) -> str:
-    """Return a robot's name, or the SHA-256 (hex) of its file with those it includes (not meshes), in any folder."""
+    """Return a robot's name, or the SHA-256 (hex) of its file with all that it names, in any folder."""
     return digest(model) if is_path(model) else model
