@@ -289,7 +289,7 @@ def test_python_takes_the_name_of_one_channel(sides):
 
 def test_a_name_is_one_channels(sides):
     with pytest.raises(UserError, match="channel 'joints' is registered twice"):
-        type("Other", (SignalChannel,), {"name": "joints"})
+        type("Other", (type(CHANNELS["joints"]),), {"name": "joints"})
 
 
 @pytest.mark.parametrize("name", sorted(CHANNELS))
