@@ -1,10 +1,12 @@
 """A run on a robot, followed and stopped from beside it: whole runs on the socket robot, by file and by page."""
 
 import base64
+import json
 import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -12,12 +14,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import yaml
 
 from vispeg.core.errors import UserError
 from vispeg.interface.builder import Picture
 from vispeg.trials.live import FOLDER, STATE, Live, ask_stop, encoded, is_live, read_live
 from vispeg.trials.loop import Step
-from vispeg.trials.trial import read_said
+from vispeg.trials.trial import FILE, OutcomePart, PolicyPart, Said, StartPart, read_said
 from vispeg.view.opened import opened
 
 ROOT = Path(__file__).parents[2]
@@ -199,3 +202,73 @@ def test_the_page_follows_a_run_and_its_button_stops_it(tmp_path, page_of, serve
             page.screenshot(path=f"{shot}-{width}-over.png")
     assert read_said(place / "trial-0001").outcome.category == "stopped"
     app.pages[-1].halt()  # nothing to stop any more
+
+
+def trial(place, name, category="success"):
+    """A trial of which the page reads the first file alone."""
+    (place / name).mkdir(parents=True)
+    outcome = OutcomePart(success=category == "success", category=category, by="person", time_s=1.0)
+    said = Said(policy=PolicyPart(name="a"), start=StartPart(q_rad=[0.0]), outcome=outcome)
+    text = yaml.safe_dump({"format": "vispeg-trial/1", **said.model_dump(exclude_none=True)})
+    (place / name / FILE).write_text(text)
+
+
+@pytest.fixture
+def followed(tmp_path, served):
+    """A folder with two trials, and the page that follows it."""
+    pytest.importorskip("viser")
+    place = tmp_path / "trials"
+    trial(place, "trial-0001")
+    trial(place, "trial-0002", "jam")
+    return place, served(place).pages[-1]
+
+
+def test_a_damaged_trial_neither_hides_the_stop_button_nor_the_other_trials(followed):
+    place, page = followed
+    (place / "trial-0003").mkdir()
+    (place / "trial-0003" / FILE).write_text("policy: {")
+    with Live(place, "a", "b", 1) as live:
+        live.begin("trial-0004", 1)
+        until(lambda: page.stop.visible, 10)
+        until(lambda: f"trial-0003/{FILE}" in page.table.content, 10)
+        assert "trial-0001" in page.table.content and "1</span>" in page.table.content
+        with page.lock:  # as while many trials are read
+            presses = threading.Thread(target=page.halt)
+            presses.start()
+            until(live.stopped, 10)
+        presses.join()
+    assert not page.refused.visible
+    until(lambda: not page.stop.visible, 10)
+    trial(place, "trial-0004", "stopped")
+    until(lambda: "trial-0004" in page.table.content, 10)
+
+
+@pytest.mark.parametrize("changes", [{"tip_m": None}, {"pose": [0.5, 0.1]}])
+def test_numbers_that_cannot_be_shown_neither_hide_the_stop_button_nor_end_the_following(followed, changes):
+    place, page = followed
+    with Live(place, "a", "b", 1) as live:
+        live.begin("trial-0004", 1)
+        until(lambda: page.stop.visible, 10)
+        live.step(step(1, {}))
+        until(lambda: acting(place), 10)
+        file = place / FOLDER / STATE
+        data = json.loads(file.read_text())
+        file.write_text(json.dumps({**data, "id": f"{data['id'][:16]}-2", "step": 7, **changes}))
+        until(lambda: page.state is not None and page.state.step == 7, 10)
+        assert page.stop.visible
+        live.step(step(9, {}))
+        until(lambda: "step 9" in page.now.content, 10)
+
+
+def test_what_was_wrong_with_the_state_goes_when_it_is_right_again(followed):
+    place, page = followed
+    with Live(place, "a", "b", 1) as live:
+        live.begin("trial-0004", 1)
+        until(lambda: page.stop.visible, 10)
+        file = place / FOLDER / STATE
+        good = file.read_text()
+        file.write_text("{")
+        until(lambda: page.trouble.visible, 10)
+        assert STATE in page.trouble.content and page.stop.visible
+        file.write_text(good)
+        until(lambda: not page.trouble.visible, 10)

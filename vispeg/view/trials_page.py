@@ -8,12 +8,12 @@ from pathlib import Path
 from vispeg.core.errors import UserError
 from vispeg.core.paths import expanded
 from vispeg.trials.live import State, ask_stop, read_live
-from vispeg.trials.trial import FILE, Said, is_trial, read_said
+from vispeg.trials.trial import FILE, is_trial, read_said
 from vispeg.view import html
 from vispeg.view.choice import Choice
 from vispeg.view.place import Page, Place
 
-EVERY = 0.25  # s between readings of the folder; a step of the policy takes 0.16 s
+PERIOD = 0.25  # s between readings of the folder
 RED = (179, 38, 30)  # a red of the style sheet on which white text is legible
 MOST = 100  # number of trials listed, the newest
 
@@ -31,19 +31,19 @@ class TrialsPage(Page):
     def __init__(self, place: Place, trials: str):
         gui = place.gui
         self.state: State | None = None
-        self.said: dict[str, Said] = {}
-        self.seen: list[tuple[str, int]] | None = None
-        self.visible, self.ended, self.lock = False, threading.Event(), threading.RLock()
+        self.listed: dict[str, int] | None = None  # trials in the table: name -> time of the last change, ns
+        self.visible, self.closed, self.lock = False, threading.Event(), threading.RLock()
         self.root = gui.add_folder(None)
         with self.root:
             self.guide = gui.add_html("")
             with gui.add_folder("Trials"):
                 self.folder = Choice(place, "Folder", "trials", {}, trials, lambda _: self._chosen())
             self.stop = gui.add_button("Stop the arm", color=RED, visible=False)
-            self.trouble = gui.add_html("", visible=False)
+            self.refused = gui.add_html("", visible=False)  # why the button could not stop the arm
+            self.trouble = gui.add_html("", visible=False)  # what in the folder cannot be read
             self.now = gui.add_html("", visible=False)
-            self.over = gui.add_folder("Episodes", visible=False)
-            with self.over:
+            self.episodes = gui.add_folder("Episodes", visible=False)
+            with self.episodes:
                 self.table = gui.add_html("")
         self.stop.on_click(lambda _: self.halt())
         self._guided()
@@ -58,7 +58,7 @@ class TrialsPage(Page):
 
     def close(self) -> None:
         """Stop following."""
-        self.ended.set()
+        self.closed.set()
 
     def follow(self) -> None:
         """Read the folder, and show what is new."""
@@ -67,46 +67,55 @@ class TrialsPage(Page):
                 return
             place = expanded(self.folder.value)
             try:
-                state = read_live(place)
+                self._run(read_live(place))
                 self._trials(place)
-            except (UserError, OSError) as error:
-                self._trouble(str(error))
-                return
-            if state != self.state:
-                self.state = state
-                self.now.content = "" if state is None else html.live(state)
-                self.now.visible = state is not None
-                self.stop.visible = state is not None and state.phase != "over"
-                self._guided()
+                self.trouble.visible = False
+            except Exception as error:  # whatever it is, the next reading may find a run that must be stopped
+                self.trouble.content, self.trouble.visible = html.error(str(error)), True
 
     def halt(self) -> None:
         """Ask the run to end the shown episode, as the space bar in its terminal does."""
-        with self.lock:
-            if self.state is None:
-                return
-            try:
-                ask_stop(expanded(self.folder.value), self.state.id)
-                self.trouble.visible = False
-            except (UserError, OSError) as error:
-                self._trouble(str(error))
+        state = self.state  # without the lock: a stop must not wait until the trials are read
+        if state is None:
+            return
+        try:
+            ask_stop(expanded(self.folder.value), state.id)
+            self.refused.visible = False
+        except (UserError, OSError) as error:
+            self.refused.content, self.refused.visible = html.error(str(error)), True
+
+    def _run(self, state: State | None) -> None:
+        """Show the run, if its state has changed."""
+        if state == self.state:
+            return
+        if state is not None and (self.state is None or state.id != self.state.id):
+            self.refused.visible = False  # it was about another episode
+        # the button comes first: what follows may fail
+        self.state, self.stop.visible = state, state is not None and state.phase != "over"
+        self._guided()
+        self.now.visible = state is not None
+        self.now.content = "" if state is None else html.live(state)
 
     def _trials(self, place: Path) -> None:
         """List the newest trials, if any has changed."""
-        there = sorted(p for p in place.iterdir() if not p.name.startswith(".") and is_trial(p))[-MOST:]
-        seen = [(p.name, (p / FILE).stat().st_mtime_ns) for p in there]
-        if seen != self.seen:
-            self.said, self.seen = {p.name: read_said(p) for p in there}, seen
-            self.table.content, self.over.visible = html.trials(self.said), True
-            self.trouble.visible = False
+        found = sorted(p for p in place.iterdir() if not p.name.startswith(".") and is_trial(p))[-MOST:]
+        listed = {p.name: (p / FILE).stat().st_mtime_ns for p in found}
+        if listed == self.listed:
+            return
+        said, errors = {}, []
+        for folder in found:
+            try:
+                said[folder.name] = read_said(folder)
+            except UserError as error:
+                errors.append(html.error(str(error)))
+        self.table.content, self.episodes.visible, self.listed = "".join([html.trials(said), *errors]), True, listed
 
     def _chosen(self) -> None:
         with self.lock:
-            self.state, self.seen, self.trouble.visible = None, None, False
-            self.now.visible = self.stop.visible = self.over.visible = False
+            self.state = self.listed = None
+            for part in (self.refused, self.trouble, self.now, self.stop, self.episodes):
+                part.visible = False
         self.follow()
-
-    def _trouble(self, text: str) -> None:
-        self.trouble.content, self.trouble.visible = html.error(text), True
 
     def _guided(self) -> None:
         if self.state is not None:
@@ -118,6 +127,6 @@ class TrialsPage(Page):
         self.guide.content = html.next_step("How a run on a robot goes", text)
 
     def _watch(self) -> None:
-        while not self.ended.wait(EVERY):
+        while not self.closed.wait(PERIOD):
             if self.visible:
                 self.follow()
