@@ -1,10 +1,13 @@
 """A log becomes the recording that the command would write, with the units that the user confirmed."""
 
+import re
+import shlex
 import time
+from html import unescape
 
 import numpy as np
 import pytest
-from logged import STYLES, TAU, TIME, Q, numbered, write_table
+from logged import JOINTS, STYLES, TAU, TIME, Q, numbered, write_table
 
 from vispeg.api.recording.convert import convert
 from vispeg.api.recording.guess import propose
@@ -12,6 +15,8 @@ from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.recordings.importers.mapping import FACTORS
 from vispeg.recordings.load import load
+from vispeg.view import html
+from vispeg.view.import_page import NO_COLUMNS, NO_UNITS
 from vispeg.view.importing import Importer, Proposed
 
 
@@ -140,7 +145,7 @@ def test_a_log_that_was_never_previewed_is_not_written(page, tmp_path):
     for field, other in ((made.log, str(second)), (made.model, "ur5e")):
         before, field.value = field.value, other
         assert made.write.disabled
-        made._named()
+        made._label_write()
         assert "a.csv" in made.commands.content and "b.csv" not in made.commands.content
         field.value = before
         assert not made.write.disabled
@@ -148,7 +153,64 @@ def test_a_log_that_was_never_previewed_is_not_written(page, tmp_path):
     made.take(tmp_path / "none.csv")  # while the second is read
     while made.job.busy:
         time.sleep(0.05)
-    assert made.job.trouble.visible and made.seen is None and made.write.disabled
+    assert made.job.trouble.visible and made.preview is None and made.write.disabled
+
+
+def test_nothing_of_a_former_log_is_shown_beside_one_that_cannot_be_read(page, tmp_path):
+    made, _ = page
+    made.take(write_table(tmp_path / "a.csv", STYLES["own words"][0]))
+    settled(made)
+    assert "t_ms" in made.table.content and "400 samples" in made.doubts.content and made.plot is not None
+    made.take(tmp_path / "none.csv")
+    while made.job.busy:
+        time.sleep(0.05)
+    assert made.job.trouble.visible and made.plot is None and not made.units and not made.command_folder.visible
+    assert made.table.content == html.note(NO_COLUMNS) and made.doubts.content == html.note(NO_UNITS)
+    assert not made.sensor.visible and "Drop a log" in made.guide.content
+
+
+@pytest.mark.parametrize(
+    ("signal", "labels", "unit"),
+    [
+        ("q", JOINTS, "q, rad, as"),
+        ("load", JOINTS, "load, as"),
+        ("ee", ("x", "y", "z", "qw", "qx", "qy", "qz"), "ee, m and quaternion, as"),
+        ("ft", ("fx", "fy", "fz", "tx", "ty", "tz"), "ft, N and N m, as"),
+    ],
+)
+def test_a_plot_names_what_it_shows(page, tmp_path, signal, labels, unit):
+    """A pose of seven numbers is not that of seven joints, and what has no known unit shows none."""
+    made, _ = page
+    pose = np.tile([0.5, 0.0, 0.3, 0.0, 1.0, 0.0, 0.0], (len(TIME), 1))
+    np.savez(tmp_path / "log.npz", time=TIME, q=Q, load=TAU, ee=pose, ft=TAU[:, :6], joints=list(JOINTS))
+    made.take(tmp_path / "log.npz")
+    settled(made)
+    made.signal.value = signal
+    made._plot()
+    assert tuple(line["label"] for line in made.plot.series[1:]) == labels
+    assert made.plot.title == f"{unit} it would be written"
+
+
+def test_the_shown_command_writes_what_the_page_wrote(page, tmp_path):
+    made, written = page
+    made.take(write_table(tmp_path / "same.csv", STYLES["own words"][0]))
+    settled(made)
+    wrote(made, written)
+    before = {p.name: p.read_bytes() for p in written[-1].iterdir()}
+    (line,) = re.findall("<code[^>]*>(.*?)</code>", made.commands.content)
+    assert main(shlex.split(unescape(line))[1:]) == 0
+    assert {p.name: p.read_bytes() for p in written[-1].iterdir()} == before
+
+
+def test_every_log_of_the_command_line_is_offered(served, tmp_path):
+    pytest.importorskip("viser", reason="the extra 'view' is not installed")
+    first, second = (write_table(tmp_path / name, STYLES["own words"][0]) for name in ("a.csv", "b.csv"))
+    page = served(first, second).logs
+    assert page.log.value == str(first) and str(second) in page.found_list.options
+    page.found_list.value = str(second)
+    page._take_found()
+    settled(page)
+    assert page.asked[0] == second
 
 
 def test_what_the_page_states_is_in_the_recording_and_can_be_compared(page, tmp_path, capsys):
@@ -163,7 +225,7 @@ def test_what_the_page_states_is_in_the_recording_and_can_be_compared(page, tmp_
     assert "Torque is" in made.guide.content
     made.sensor.value, made.mode.value = "from the motor current", "holds angles (q_cmd)"
     made.kp.value, made.kd.value = "600", "1, 2, 3, 4, 5, 6, 7"
-    made._again()
+    made._request_preview()
     settled(made)
     wrote(made, written)
     rec = load(written[-1])
@@ -181,7 +243,7 @@ def test_what_the_page_states_is_in_the_recording_and_can_be_compared(page, tmp_
 def test_every_unit_that_may_be_proposed_can_be_chosen(page):
     made, _ = page
     for unit in FACTORS:
-        made._offered(Proposed((), {"signal": unit}, {}, ()))
+        made._offer(Proposed((), {"signal": unit}, {}, ()))
         assert made.units["signal"].value == unit and set(made.units["signal"].options) <= set(FACTORS)
 
 

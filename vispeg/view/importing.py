@@ -28,7 +28,7 @@ from vispeg.robots.model import load, load_for
 from vispeg.sim.units import needs_of
 
 MOST = 2000  # greatest number of samples of a preview
-WHERE = {  # value of torque_sensor -> words of the page
+SENSOR_WORDS = {  # value of torque_sensor -> words of the page
     "none": "not used",
     "joint": "measured at the joint",
     "motor": "from the motor current",
@@ -65,7 +65,7 @@ class Look:
     Attributes:
         time: (n,) s, of every k-th sample, so that n is at most MOST.
         joints: names of the nj joints.
-        signals: name -> (n, nj) in SI units, at these samples.
+        signals: name -> values at these samples in SI units: (n, nj) of joints, (n, 7) of poses, (n, 6) of wrenches.
         rate_hz: sample rate of the whole log.
         samples: number of samples of the whole log.
         doubts: what is implausible about units and values, one sentence each.
@@ -193,7 +193,7 @@ def _remarks(proposal: Proposal) -> tuple[str, ...]:
         out.append(f"No name says where torque was measured: state it in `Torque is`{more}.")
     elif "tau" in signals:
         out.append(
-            f"Torque is taken as `{WHERE[sensor]}`, from its name: change it in `Torque is` where that is wrong."
+            f"Torque is taken as `{SENSOR_WORDS[sensor]}`, from its name: change it in `Torque is` where that is wrong."
         )
     servo = proposal.recording.get("control", {}).get("mode") == "servo"
     if driven and not servo:
