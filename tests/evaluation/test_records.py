@@ -116,6 +116,7 @@ def test_a_robots_csv(tmp_path):
         ("policy,seed,outcome\nA,one,1\n", "line 2: seed: no such seed.*got 'one'"),
         (f"policy,seed,outcome\nA,{10**30},1\n", "line 2: seed: no such seed"),
         ("policy,seed,outcome\nA,1,1\nA,1,0\n", "line 3: the same trial twice"),
+        ("policy,seed,outcome,train_seed\nA,1,1,99\n", "line 2: train_seed: unknown training seed; got 99; choices: 0"),
         ("policy,seed,outcome,category\nA,1,1,jam\n", "contradict"),
         ("policy,seed,outcome,configuration\nA,1,0,far\nA,1,1,c1\nA,2,1,\n", "does not know .*'', 'far'.*choices: c1"),
         ("policy,seed,outcome\nA,1\n", "another number of cells than there are columns"),
@@ -148,17 +149,38 @@ def test_an_untold_training_seed_is_the_policys_only_one_else_a_note_says_so(tmp
     assert [e.train_seed for e in found.episodes] == [1, 3] and found.notes == []
 
 
+def tried(place, name, seed=None, category="jam", **policy):
+    """A failed trial as another program may write it."""
+    start = {"q_rad": [0.0] * 7, "goal_m": [0.6, 0.0, 0.0], "believed_m": [0.6, 0.0, 0.0]}
+    said = {"format": "vispeg-trial/1", "policy": {"name": "A", "digest": "0" * 64, **policy}, "start": start}
+    said["outcome"] = {"success": False, "category": category, "by": "person", "time_s": 2.0}
+    (place / name).mkdir(parents=True, exist_ok=True)
+    (place / name / FILE).write_text(yaml.safe_dump(said | ({} if seed is None else {"seed": seed})))
+
+
+def test_trials_in_a_folder_follow_the_rules_of_a_csv(tmp_path):
+    """Of training seeds and of categories."""
+    policies, place = {"A": [5, 4]}, tmp_path / "trials"
+    tried(place, "a", category="Jam")
+    tried(place, "b", category="Cable caught", train_seed=5)
+    found = read_measured(place, policies=policies)
+    assert [(e.train_seed, e.category) for e in found.episodes] == [(4, "jam"), (5, "Cable caught")]
+    assert found.notes == ["trials does not tell which training seed of A (4, 5) was tried; 4 is assumed"]
+    tried(place, "c", train_seed=0)
+    with pytest.raises(UserError, match=r"trial.yaml: policy.train_seed: unknown training seed; got 0; choices: 4, 5"):
+        read_measured(place, policies=policies)
+    tried(place, "c", category="Success")
+    with pytest.raises(UserError, match=r"outcome.category: outcome and category contradict each other"):
+        read_measured(place, policies=policies)
+
+
 def test_trials_without_a_number_are_different_trials(tmp_path):
     (tmp_path / "r.csv").write_text("policy,seed,outcome\nA,,1\nA,1,0\nA,,0\n")
     assert [(e.seed, e.success) for e in read_csv(tmp_path / "r.csv").episodes] == [(0, True), (1, False), (2, False)]
-    start = {"q_rad": [0.0] * 7, "goal_m": [0.6, 0.0, 0.0], "believed_m": [0.6, 0.0, 0.0]}
-    said = {"format": "vispeg-trial/1", "policy": {"name": "A", "digest": "0" * 64}, "start": start}
-    said["outcome"] = {"success": False, "category": "jam", "by": "person", "time_s": 2.0}
-    for name, seed in (("a", {}), ("b", {}), ("c", {"seed": 0})):
-        (tmp_path / "trials" / name).mkdir(parents=True)
-        (tmp_path / "trials" / name / FILE).write_text(yaml.safe_dump(said | seed))
+    for name, seed in (("a", None), ("b", None), ("c", 0)):
+        tried(tmp_path / "trials", name, seed)
     assert [e.seed for e in read_measured(tmp_path / "trials").episodes] == [1, 2, 0]
-    (tmp_path / "trials" / "a" / FILE).write_text(yaml.safe_dump(said | {"seed": 0}))
+    tried(tmp_path / "trials", "a", 0)
     with pytest.raises(UserError, match="the same trial twice"):
         read_measured(tmp_path / "trials")
 

@@ -20,12 +20,27 @@ from vispeg.formats.guard import MB, read_text
 from vispeg.task.registry import FIRST, task
 from vispeg.trials.trial import FILE, folders, read_said
 
-_Found = tuple[Episode, bool, Path, str]  # an episode, whether its seed is stated, its file and key
 LARGEST = 64 * MB
 REQUIRED = ("policy", "seed", "outcome")
 OPTIONAL = ("configuration", "category", "modality", "train_seed", "time", "peak_force")
 OUTCOMES = {"success": True, "1": True, "true": True, "yes": True, "failure": False, "0": False, "false": False}
 OUTCOMES |= {"fail": False, "no": False}
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """One trial as it was read.
+
+    Attributes:
+        episode: the trial; its seed is 0 if none is stated.
+        numbered: whether its seed is stated.
+        file, key: where an error says that its seed is, such as a CSV and `line 2`.
+    """
+
+    episode: Episode
+    numbered: bool
+    file: Path
+    key: str
 
 
 @dataclass(frozen=True)
@@ -60,21 +75,21 @@ def read_csv(
     peak_force (N).
 
     Args:
-        path: the CSV; its first row names the columns. `outcome` is success or failure (also 1/0, true/false, yes/no).
-            `seed` is the trial's number, or the simulated episode's seed where the same start and goal were set up;
-            rows with an empty one are different trials. A failure's `category` is one of the task's categories or a
-            word of the user's own.
+        path: the CSV; its first row names the columns. `outcome` is success or failure (also fail, 1/0, true/false,
+            yes/no). `seed` is the trial's number, or the simulated episode's seed where the same start and goal were
+            set up; rows with an empty one are different trials. A failure's `category` is one of the task's categories,
+            in small or capital letters, or a word of the user's own.
         world: the name of the robot's world in tables.
         policies: known names with their training seeds; none to accept any name. A row without a training seed gets
             the policy's lowest one; if there are several, a note says so.
         configurations: known names; empty to accept any.
 
     Raises:
-        UserError: the file cannot be read; a column is missing, unknown or repeated; a policy, configuration or outcome
-            is unknown; a seed is not a whole number; an outcome contradicts its category; a trial is there twice; or
-            there is no trial.
+        UserError: the file cannot be read; a column is missing, unknown or repeated; a policy, training seed,
+            configuration or outcome is unknown; a seed is not a whole number; an outcome contradicts its category; a
+            trial is there twice; or there is no trial.
     """
-    path, seeds_of = Path(path), {name: sorted(seeds) for name, seeds in (policies or {}).items()}
+    path, networks = Path(path), _Networks(policies)
     try:
         reader = csv.DictReader(io.StringIO(read_text(path, LARGEST), newline=""))
         heads = [h.strip() for h in reader.fieldnames or ()]
@@ -93,13 +108,9 @@ def read_csv(
     for column in heads:
         if column not in REQUIRED + OPTIONAL:
             raise UserError("unknown column", file=path, got=column, choices=REQUIRED + OPTIONAL)
-    found: list[_Found] = []
-    assumed: dict[str, None] = {}  # policies whose training seed is assumed; a dict keeps their order
-    for number, row in rows:
-        episode = _episode(row, world, seeds_of, path, number)
-        found.append((episode, bool(_cell(row, "seed")), path, f"line {number}"))
-        if not _cell(row, "train_seed") and len(seeds_of.get(episode.policy, ())) > 1:
-            assumed[episode.policy] = None
+    found = [
+        _Trial(_episode(row, world, networks, path, n), bool(_cell(row, "seed")), path, f"line {n}") for n, row in rows
+    ]
     if not found:
         raise UserError("no trials", file=path, expected="one row per trial below the head")
     episodes = _numbered(found)
@@ -107,8 +118,7 @@ def read_csv(
     if configurations and unknown:
         named = ", ".join(map(repr, unknown))
         raise UserError(f"the suite does not know the configurations {named}", file=path, choices=configurations)
-    notes = [_note(path, name, seeds_of[name]) for name in assumed]
-    return Trials(episodes, notes)
+    return Trials(episodes, networks.notes(path))
 
 
 def read_measured(
@@ -119,8 +129,9 @@ def read_measured(
 ) -> Trials:
     """Read a CSV (`read_csv`), or a folder of trials (`vispeg.trials.trial`).
 
-    Trials in which the policy did not move the arm, or not at full speed, are left out; a note counts them. Another
-    tells of trials of another policy of the same name. Trials without a seed are different ones.
+    Trials in which the policy did not move the arm, or not at full speed, are left out; a note counts them. A trial
+    whose policy has a known one's name but another digest counts as that policy's; a note says so. Trials without a
+    seed are different ones.
 
     Args:
         path: the CSV or the folder.
@@ -128,101 +139,144 @@ def read_measured(
         digests: digest of each known policy -> its name and training seed; a trial with one of these digests gets them.
 
     Raises:
-        UserError: as `read_csv`; a folder without trials at full speed, an invalid trial, an unknown policy, or
-            the same trial twice.
+        UserError: as `read_csv`; a folder without trials at full speed, an invalid trial, an unknown policy or training
+            seed, or the same trial twice.
     """
     if not Path(path).is_dir():
         return read_csv(path, world, policies)
-    found: list[_Found] = []
-    left_out, others, known = 0, dict[str, None](), digests or {}
+    found: list[_Trial] = []
+    left_out, others, known, networks = 0, dict[str, None](), digests or {}, _Networks(policies)
     names = {name for name, _ in known.values()}
     for folder in folders(path):
         said, file = read_said(folder), folder / FILE
         if not said.full_speed:
             left_out += 1
             continue
-        name, seed = known.get(said.policy.digest, (said.policy.name, said.policy.train_seed))
-        if policies and name not in policies:
-            raise UserError("unknown policy", file=file, key="policy.name", got=name, choices=sorted(policies))
+        if said.policy.digest in known:
+            name, train_seed = known[said.policy.digest]
+        else:
+            name = said.policy.name
+            networks.check(name, {"file": file, "key": "policy.name"})
+            stated = said.policy.train_seed if "train_seed" in said.policy.model_fields_set else None
+            train_seed = networks.train_seed(name, stated, {"file": file, "key": "policy.train_seed"})
         if said.policy.digest and said.policy.digest not in known and name in names:
             others[name] = None
         o = said.outcome
         episode = Episode(
             policy=name,
             modality=said.policy.modality,
-            train_seed=seed,
+            train_seed=train_seed,
             world=world,
             world_hash="",
-            seed=said.seed or 0,
+            seed=0 if said.seed is None else said.seed,
             success=o.success,
-            category=o.category,
+            category=_category(o.category, o.success, {"file": file, "key": "outcome.category"}),
             time=o.time_s,
             peak_force=math.nan if o.peak_force_n is None else o.peak_force_n,
             depth=math.nan if o.depth_m is None else o.depth_m,
         )
-        found.append((episode, said.seed is not None, file, "seed"))
+        found.append(_Trial(episode, said.seed is not None, file, "seed"))
     if not found:
         raise UserError("no trials in which the arm was moved at full speed", file=path)
     place = Path(path).name
     notes = [f"{count(left_out, 'trial')} of {place} left out: shadows or slowed down"] if left_out else []
     notes += [f"{place} holds trials of another policy than the {name} that is given" for name in others]
-    return Trials(_numbered(found), notes)
+    return Trials(_numbered(found), notes + networks.notes(Path(path)))
 
 
-def _numbered(found: Sequence[_Found]) -> list[Episode]:
+class _Networks:
+    """The known policies, and what was assumed about which network of theirs was tried.
+
+    Args:
+        policies: name -> training seeds of its networks; None or empty to accept any.
+    """
+
+    def __init__(self, policies: Mapping[str, Collection[int]] | None):
+        self._seeds = {name: sorted(seeds) for name, seeds in (policies or {}).items()}
+        self._assumed: dict[str, None] = {}  # policies whose training seed is assumed; a dict keeps their order
+
+    def check(self, policy: str, where: Mapping[str, Any]) -> None:
+        """Raise UserError unless a policy is known; `where` is the file and the key that name it."""
+        if not policy or (self._seeds and policy not in self._seeds):
+            raise UserError("unknown policy", **where, got=policy, choices=sorted(self._seeds))
+
+    def train_seed(self, policy: str, stated: int | None, where: Mapping[str, Any]) -> int:
+        """Return the stated training seed, or the policy's lowest one. Raises UserError: not one of the policy's."""
+        seeds = self._seeds.get(policy, ())
+        if stated is None:
+            if len(seeds) > 1:
+                self._assumed[policy] = None
+            return seeds[0] if seeds else 0
+        if seeds and stated not in seeds:
+            raise UserError("unknown training seed", **where, got=stated, choices=map(str, seeds))
+        return stated
+
+    def notes(self, path: Path) -> list[str]:
+        """Return a sentence on each policy whose training seed was assumed."""
+        return [
+            f"{path.name} does not tell which training seed of {name} ({', '.join(map(str, self._seeds[name]))}) was "
+            f"tried; {self._seeds[name][0]} is assumed"
+            for name in self._assumed
+        ]
+
+
+def _numbered(trials: Sequence[_Trial]) -> list[Episode]:
     """Return the episodes, with the first free numbers as seeds of those without one.
 
     Raises:
         UserError: two with a seed are the same trial.
     """
-    taken = {episode.seed for episode, stated, *_ in found if stated}
+    taken = {trial.episode.seed for trial in trials if trial.numbered}
     free = (number for number in itertools.count() if number not in taken)
     episodes: dict[tuple[object, ...], Episode] = {}
-    for trial, stated, file, key in found:
-        episode = trial if stated else replace(trial, seed=next(free))
+    for trial in trials:
+        episode = trial.episode if trial.numbered else replace(trial.episode, seed=next(free))
         if episode.key in episodes:
-            raise UserError("the same trial twice", file=file, key=key, got=episode.key)
+            raise UserError("the same trial twice", file=trial.file, key=trial.key, got=episode.key)
         episodes[episode.key] = episode
     return list(episodes.values())
 
 
-def _note(path: Path, policy: str, seeds: list[int]) -> str:
-    listed = ", ".join(map(str, seeds))
-    return f"{path.name} does not tell which training seed of {policy} ({listed}) was tried; {seeds[0]} is assumed"
+def _category(word: str, success: bool, where: Mapping[str, Any]) -> str:
+    """Return a category in the spelling of simulated episodes, so that both are counted as one.
+
+    Neither a CSV nor the caller says which task was tried, so these are the words of the task that a world has unless
+    it names another. A user's own word keeps its case.
+
+    Raises:
+        UserError: a success of another category than `success`, or a failure of that one.
+    """
+    category = word.lower() if word.lower() in task(FIRST).categories else word
+    if (category == "success") != success:
+        got = f"{'success' if success else 'failure'}, {word}"
+        raise UserError("outcome and category contradict each other", **where, got=got)
+    return category
 
 
 def _cell(row: Mapping[str, str | None], name: str) -> str:
     return (row.get(name) or "").strip()
 
 
-def _episode(
-    row: dict[str, str | None], world: str, seeds_of: Mapping[str, list[int]], path: Path, number: int
-) -> Episode:
+def _episode(row: dict[str, str | None], world: str, networks: _Networks, path: Path, number: int) -> Episode:
     where = {"file": path, "key": f"line {number}"}
     if None in row or any(v is None for v in row.values()):
         raise UserError("the row has another number of cells than there are columns", **where)
     cell = {k: _cell(row, k) for k in row}
     policy, outcome = cell["policy"], cell["outcome"].lower()
-    if not policy or (seeds_of and policy not in seeds_of):
-        raise UserError("unknown policy", **where, got=policy, choices=sorted(seeds_of))
+    networks.check(policy, where)
     if outcome not in OUTCOMES:
         raise UserError("unknown outcome", **where, got=cell["outcome"], choices=OUTCOMES)
     success = OUTCOMES[outcome]
-    category = cell.get("category") or ("success" if success else "failure")
-    if category.lower() in task(FIRST).categories:  # a user's own word keeps its case
-        category = category.lower()
-    if (category == "success") != success:
-        raise UserError("outcome and category contradict each other", **where, got=f"{outcome}, {category}")
-    default = str(seeds_of[policy][0]) if seeds_of.get(policy) else "0"
-    integers = {k: _whole(cell.get(k) or d, k, where) for k, d in (("seed", "0"), ("train_seed", default))}
+    category = _category(cell.get("category") or ("success" if success else "failure"), success, where)
+    seed, train_seed = (_whole(cell.get(name) or "", name, where) for name in ("seed", "train_seed"))
     real = {k: _real(cell.get(k) or "", k, where) for k in ("time", "peak_force")}
     return Episode(
         policy=policy,
         modality=cell.get("modality", ""),
-        train_seed=integers["train_seed"],
+        train_seed=networks.train_seed(policy, train_seed, {**where, "key": f"{where['key']}: train_seed"}),
         world=world,
         world_hash="",
-        seed=integers["seed"],
+        seed=0 if seed is None else seed,
         success=success,
         category=category,
         time=real["time"],
@@ -231,13 +285,16 @@ def _episode(
     )
 
 
-def _whole(text: str, name: str, where: Mapping[str, Any]) -> int:
+def _whole(text: str, name: str, where: Mapping[str, Any]) -> int | None:
+    """Return the seed in a cell; None if the cell is empty."""
+    if not text:
+        return None
     try:
-        value = int(text)
+        value: Any = int(text)
     except ValueError:  # not a number, or one with thousands of digits
-        value = None
-    check_seed(text if value is None else value, f"{where['key']}: {name}", where["file"])
-    return int(text)
+        value = text
+    check_seed(value, f"{where['key']}: {name}", where["file"])
+    return value
 
 
 def _real(text: str, name: str, where: Mapping[str, Any]) -> float:
