@@ -1,6 +1,12 @@
-"""Records of perturb.json, sensitivity.json, exploit.json and price.json: conditions in which a policy fails.
+"""Records of perturb.json, sensitivity.json, exploit.json and of `cost` in diagnosis.json: where a policy fails.
 
-`p_holm` is a p-value corrected by Holm's method for the number of comparisons.
+In all of them:
+    cost: success on one side minus success on the other, as shares, with its 95 % interval; both sides play the same
+        seeds. The interval is that of the corrected test, so it excludes 0 where the verdict is `different`.
+    p: p-value of the test that the cost is 0, see `vispeg.evaluation.statistics.difference`.
+    p_holm: p, corrected by Holm's method for all tests of the record; None where no test could be made.
+    verdict: `different`, `equal` (within the margin), or `these data cannot tell`.
+    words: the verdict as a sentence, for reports.
 """
 
 from __future__ import annotations
@@ -29,7 +35,12 @@ class HardPosition(TypedDict):
 
 
 class PushRow(TypedDict):
-    """A policy at one position: success without and with a push, and the loss to the push on the same seeds."""
+    """Success of one policy at one position.
+
+    Attributes:
+        still, pushed: success without and with a push; None where that was not played.
+        cost: `still` minus `pushed`; None, as p_holm and verdict, unless both were played.
+    """
 
     policy: str
     position: str
@@ -41,7 +52,7 @@ class PushRow(TypedDict):
 
 
 class PushRecord(TypedDict):
-    """perturb.json, returned by `perturb.summarise`; `rule` states how verdicts are made."""
+    """perturb.json, returned by `perturb.summarise`; `rule` is a sentence on how verdicts are made."""
 
     format: str
     rows: list[PushRow]
@@ -49,7 +60,12 @@ class PushRecord(TypedDict):
 
 
 class SweepPoint(TypedDict):
-    """Success at one value of the effect; for values other than null, the loss against null, Holm's p and verdict."""
+    """Success at one value of a sweep.
+
+    Attributes:
+        value: in the sweep's unit.
+        cost: success at the sweep's `null` minus success here. Of a measurement's interval only its high end has it.
+    """
 
     value: float
     success: Interval
@@ -61,7 +77,10 @@ class SweepPoint(TypedDict):
 class Curve(TypedDict):
     """Success of one policy over the values of a sweep.
 
-    `falls_at` is the value nearest to null at which success is found to be lower; None for none.
+    Attributes:
+        falls_at: of the values at which the verdict is that success is lower, the one nearest to the sweep's `null`;
+            None for none.
+        words: from where success is lower, or over which values it holds; of a measurement, whether it is good enough.
     """
 
     policy: str
@@ -72,7 +91,15 @@ class Curve(TypedDict):
 
 
 class SweepRecord(TypedDict):
-    """One of `sweeps` in sensitivity.json."""
+    """One of `sweeps` in sensitivity.json: parameters of one effect, set to each value in turn.
+
+    Attributes:
+        effect, params: the effect, and its parameters that have the value together.
+        unit: unit of the values: the parameters' own, `times the value found` for an effect from a model, or
+            `of the interval` from 0, its low end, to 1 for a measurement.
+        null: the value with which the others are compared: there the effect vanishes, or the interval has its low end.
+        label: the sweep's name for tables and axes, such as `focal_error@wrist_wide.fx,fy`.
+    """
 
     format: str
     effect: str
@@ -84,7 +111,13 @@ class SweepRecord(TypedDict):
 
 
 class Peak(TypedDict):
-    """Median over episodes of the peak force, N, with fixed and with randomized contact parameters; rank test."""
+    """Peak force of one policy's episodes.
+
+    Attributes:
+        fixed, randomized: median with fixed and with randomized contact parameters, N; None without forces.
+        p: p-value of the hypothesis that it is larger on one side as often as on the other, see
+            `vispeg.evaluation.statistics.by_ranks`.
+    """
 
     fixed: float | None
     randomized: float | None
@@ -102,7 +135,16 @@ class Count(TypedDict):
 class ExploitRow(TypedDict):
     """Success of one policy with fixed and with randomized contact parameters.
 
-    `policy_period` is the time between two values of a profile, s; None without profiles.
+    Attributes:
+        cost: `fixed` minus `randomized`.
+        peak: peak force on both sides.
+        substeps: setting of randomized episodes, `randomized, N substeps` -> their successes. N is the number of
+            physics steps per control period.
+        profiles: `fixed` and `randomized` -> course of the contact force, by policy step since the first contact:
+            `low`, `median` and `high`, its quartiles over episodes, N, and `n`, the number of these.
+        policy_period: time between two values of a profile, s; None without profiles.
+        verdict: `exploits` (success is lower with randomized parameters), `gains` (it is higher), `does not exploit`
+            (equal within the margin), or `these data cannot tell`.
     """
 
     policy: str
@@ -121,7 +163,11 @@ class ExploitRow(TypedDict):
 
 
 class ExploitRecord(TypedDict):
-    """exploit.json, returned by `exploit.summarise`."""
+    """exploit.json, returned by `exploit.summarise`.
+
+    Attributes:
+        margin: difference of success, as a share, within which two rates are called equal.
+    """
 
     format: str
     margin: float
@@ -129,7 +175,14 @@ class ExploitRecord(TypedDict):
 
 
 class Priced(TypedDict):
-    """Success of one policy in the identified model, and with the unexplained residual; loss on the same seeds."""
+    """Success of one policy in the identified model.
+
+    Attributes:
+        identified: success with every identified value as found.
+        left: success with what the diagnosis left open: values drawn from their 95 % intervals, and the unexplained
+            torque as noise.
+        cost: `identified` minus `left`.
+    """
 
     policy: str
     modality: str
@@ -142,7 +195,13 @@ class Priced(TypedDict):
 
 
 class RemainderCost(TypedDict):
-    """`cost` in diagnosis.json: the cell, episodes per policy and model, and one row per policy."""
+    """`cost` in diagnosis.json: the cost of what a diagnosis left open.
+
+    Attributes:
+        world: `name` and `hash` of the world whose cell the policies play in.
+        episodes: number of episodes of each policy, with and without what was left open.
+        policies: one row per policy.
+    """
 
     world: dict[str, str]
     episodes: int
