@@ -257,6 +257,56 @@ def test_seeds_are_one_for_each_row_in_any_sequence():
             env.reset(seed=wrong)
 
 
+def test_a_rows_first_episode_is_its_first_seeds_whenever_it_begins():
+    one, both = (PegInHoleVec(2, world="nominal", seed=10, autoreset_mode="Disabled") for _ in range(2))
+    for k in range(2):
+        seeds = one.reset(options={"reset_mask": np.arange(2) == k})[1]["seed"]
+    assert seeds.tolist() == both.reset()[1]["seed"].tolist() == [10, 11]
+
+
+def test_an_ended_row_that_waits_for_its_reset_has_one_record():
+    env = PegInHoleVec(2, world="nominal", steps=2, autoreset_mode="Disabled")
+    env.reset(seed=0)
+    records = [env.step(np.zeros((2, 3)))[4].get("record") for _ in range(4)]
+    assert [r is not None for r in records] == [False, True, False, False]
+    env.reset(options={"reset_mask": [True, False]})
+    again = [env.step(np.zeros((2, 3)))[4] for _ in range(3)]
+    assert [i["_record"].tolist() if "record" in i else None for i in again] == [None, [True, False], None]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (lambda env: env.step(np.zeros((2, 4))), r"actions: not actions; expected shape \(2, 3\); got \(2, 4\)"),
+        (lambda env: env.step(np.zeros(6)), r"actions: not actions; expected shape \(2, 3\); got \(6,\)"),
+        (lambda env: env.step([[0, 0, 0], [0, np.nan, 0]]), r"actions\[1\]: not finite; expected -1 to 1"),
+        (lambda env: env.reset(options={"reset_mask": [True]}), "options.reset_mask: not a mask; expected 2 of"),
+        (lambda env: env.reset(options={"reset_mask": [True] * 3}), "options.reset_mask: not a mask"),
+        (lambda env: env.reset(options={"reset_mask": [0, 1]}), "options.reset_mask: not a mask"),
+        (lambda env: env.reset(options={"mask": [True, True]}), "options: unknown option; got 'mask'.*reset_mask"),
+        (lambda env: env.reset(seed=5, options={"start": "home"}), "options.start: not a start"),
+        (lambda env: env.set_level(7.0), "level: impossible level; expected 0 to 1; got 7"),
+        (lambda env: env.set_level({"encoder_noise(all)": -1.0}), r"encoder_noise\(all\): impossible level"),
+        (lambda env: env.push([5], [1, 0, 0], 0, 1), "row: no such row; expected 0 to 1; got 5"),
+        (lambda env: env.push([0], [1, 0], 0, 1), "force: not a force"),
+        (lambda env: env.disturb(2, np.zeros((1, 7))), "row: no such row"),
+        (lambda env: env.disturb(0, np.zeros(7)), r"torque: not torques; expected shape \(k, 7\)"),
+    ],
+)
+def test_a_wrong_call_is_one_line_and_changes_nothing(wrong, words):
+    env, other = (PegInHoleVec(2, world=VARIED, autoreset_mode="Disabled") for _ in range(2))
+    for each in (env, other):
+        each.reset(seed=3)
+    with pytest.raises(UserError, match=words):
+        wrong(env)
+    for action in actions(2, 2):
+        assert np.array_equal(env.step(action)[0]["policy"], other.step(action)[0]["policy"])
+    again, same = env.reset(), other.reset()
+    assert (
+        np.array_equal(again[0]["policy"], same[0]["policy"]) and again[1]["seed"].tolist() == same[1]["seed"].tolist()
+    )
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [

@@ -36,7 +36,7 @@ def spaces(
     config: TaskConfig,
     obs_mode: str,
     cameras: Sequence[Any],
-    privileged: bool = True,
+    privileged: bool = False,
     depth_image: bool = False,
     measured: int = 0,
 ) -> tuple[gym.spaces.Dict, gym.spaces.Box]:
@@ -103,7 +103,7 @@ MEANT = {  # name in other libraries -> name here, where the spelling is too dif
     "renderer": "backend",
     "frame_stack": "stack",
 }
-TOLERANCE = ("tolerance", "gap", "play")  # names that users may try for the setting of `TaskConfig.tolerance`
+TOLERANCE = ("tolerance", "gap", "play")  # other words for a tolerance; `TaskConfig.tolerance` names its setting
 
 
 def check_names(names: Iterable[str], others: Iterable[str], kind: type[TaskConfig]) -> None:
@@ -115,6 +115,7 @@ def check_names(names: Iterable[str], others: Iterable[str], kind: type[TaskConf
             raise UserError("no such setting of the task", got=name, choices=choices, meant=meant.get(name, ""))
 
 
+OPTIONS = ("reset_mask", "start")  # of `TaskVec.reset`
 # entries of an episode's record that `infos` also holds as arrays
 IN_INFOS = ("success", "category", "seed", "time", "peak_force", "lateral_error", "depth")
 
@@ -180,22 +181,23 @@ class TaskVec(VectorEnv):
         self.metadata["autoreset_mode"] = self.autoreset_mode
         self.sim = TaskSimulation(self.world, self.config, num_envs, obs_mode, nthread, engine)
         self.eyes = self.rig(backend=backend)
-        self.further: list[CameraRig] = []  # further rigs that see the rows with other looks; image keys `KEY@1`, ...
-        count = self.sim.seen.readings().shape[1] if measured else 0
-        seen, self.single_action_space = spaces(
-            self.config, obs_mode, self.eyes.cameras, privileged, depth_image, count
+        # more rigs of the same cameras, each with looks of its own; their images have the keys `KEY@1`, `KEY@2`, ...
+        self.further: list[CameraRig] = []
+        readings = self.sim.seen.readings().shape[1] if measured else 0
+        self.single_observation_space, self.single_action_space = spaces(
+            self.config, obs_mode, self.eyes.cameras, privileged, depth_image, readings
         )
-        self.single_observation_space, self.keys = seen, tuple(seen)
+        self.keys = tuple(self.single_observation_space)
         self.privileged, self.depth_image, self.measured = privileged, depth_image, measured
-        self.observed = self.sim.observed
+        self.observed = self.sim.observed  # the terms of the observations
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         if seed is None:  # as in gymnasium: two environments without a seed do not play the same episodes
-            seed = int(np.random.SeedSequence().generate_state(1)[0] >> 2)
+            seed = int(np.random.SeedSequence().generate_state(1)[0])
         self._base = np.array(_seeds(seed, num_envs), np.int64)
         self._episode = np.zeros(num_envs, dtype=np.int64)
         self._ended = np.zeros(num_envs, dtype=bool)
-        self._started = False
+        self._started = np.zeros(num_envs, dtype=bool)  # whether the row has had an episode
 
     # Episodes -------------------------------------------------------------------------------------------------
     def reset(
@@ -215,20 +217,20 @@ class TaskVec(VectorEnv):
             `world`.
 
         Raises:
-            UserError: an impossible start, or seeds that are not one for each row.
+            UserError: an impossible start, an unknown option, or seeds or a mask that are not one for each row.
         """
-        mask = np.ones(self.num_envs, dtype=bool)
-        if options and "reset_mask" in options:
-            mask = np.asarray(options["reset_mask"], dtype=bool)
-        seeds = _seeds(seed, self.num_envs)
-        for i in np.flatnonzero(mask):
+        options = options or {}
+        if unknown := options.keys() - set(OPTIONS):
+            raise UserError("unknown option", key="options", got=min(unknown), choices=OPTIONS)
+        rows = np.flatnonzero(_mask(options.get("reset_mask"), self.num_envs))
+        seeds, starts = _seeds(seed, self.num_envs), _starts(options.get("start"), self.num_envs)
+        for i in rows:
             if (first_seed := seeds[i]) is not None:
                 self._base[i], self._episode[i] = first_seed, 0
-            elif self._started:
+            elif self._started[i]:
                 self._episode[i] += 1
-        self._started = True
-        rows = np.flatnonzero(mask)
-        self._begin(rows, _starts((options or {}).get("start"), self.num_envs))
+        self._started[rows] = True
+        self._begin(rows, starts)
         worlds = np.full(self.num_envs, None, dtype=object)
         for i in rows:
             worlds[i] = self.drawn(int(i)).values
@@ -243,8 +245,14 @@ class TaskVec(VectorEnv):
         self._ended[rows] = False
 
     def step(self, actions: np.ndarray):
-        """Advance every row by one policy step; `infos` holds the records of episodes that ended."""
-        actions = np.asarray(actions, dtype=float).reshape(self.num_envs, -1)
+        """Advance every row by one policy step; `infos` holds the records of episodes that ended in it.
+
+        Args:
+            actions: (num_envs, k), cut to -1 to 1.
+
+        Raises:
+            UserError: actions of another shape, or that are not finite.
+        """
         waiting = np.flatnonzero(self._ended)
         rewards, terminated, truncated, records = self.advance(actions)
         self.look(np.setdiff1d(np.arange(self.num_envs), waiting))
@@ -253,14 +261,16 @@ class TaskVec(VectorEnv):
             rewards[waiting], terminated[waiting], truncated[waiting] = 0.0, False, False
             self._episode[waiting] += 1
             self._begin(waiting)
-            for i in waiting:
-                records[i] = None
+        for i in waiting:  # its record was given when the episode ended
+            records[i] = None
         for i, record in enumerate(records):
             if record is not None:  # force profiles differ in length, so the record is one object, not arrays
                 infos = self._add_info(infos, {k: record[k] for k in IN_INFOS}, i)
                 infos.setdefault("record", np.full(self.num_envs, None, dtype=object))[i] = record
                 infos["_record"] = infos["_success"]  # gymnasium's mask of the rows that have the entry
         self._ended = terminated | truncated
+        if self.autoreset_mode == AutoresetMode.DISABLED:
+            self._ended[waiting] = True  # until its reset
         if self._ended.any() and self.autoreset_mode == AutoresetMode.SAME_STEP:
             rows, final = np.flatnonzero(self._ended), self._observe()
             infos["final_obs"] = {k: v.copy() for k, v in final.items()}
@@ -274,7 +284,18 @@ class TaskVec(VectorEnv):
 
         Returns:
             As `TaskSimulation.step`; records also hold the drawn looks.
+
+        Raises:
+            UserError: as `step`.
         """
+        actions = np.asarray(actions, dtype=float)
+        if actions.shape != self.action_space.shape:
+            raise UserError(
+                "not actions", key="actions", expected=f"shape {self.action_space.shape}", got=actions.shape
+            )
+        if not np.isfinite(actions).all():
+            row = int(np.argwhere(~np.isfinite(actions))[0][0])
+            raise UserError("not finite", key=f"actions[{row}]", expected="-1 to 1", got=actions[row].tolist())
         out = self.sim.step(actions)
         for row, record in enumerate(out[3]):
             if record is None:
@@ -286,14 +307,14 @@ class TaskVec(VectorEnv):
         return out
 
     def _observe(self) -> dict[str, np.ndarray]:
-        seen = self.eyes.see()
-        seen |= {f"{key}@{k}": v for k, rig in enumerate(self.further, 1) for key, v in rig.see().items()}
+        images = self.eyes.see()
+        images |= {f"{key}@{k}": v for k, rig in enumerate(self.further, 1) for key, v in rig.see().items()}
         if self.depth_image:
-            seen = {key: grey_depth(v) if kind_of_image(key) is DEPTH else v for key, v in seen.items()}
+            images = {key: grey_depth(v) if kind_of_image(key) is DEPTH else v for key, v in images.items()}
         values = self.sim.observation()
         if self.measured:
             values[MEASURED] = self.sim.seen.readings().astype(np.float32)
-        return {**{k: v for k, v in values.items() if self.privileged or k != PRIVILEGED}, **seen}
+        return {**{k: v for k, v in values.items() if self.privileged or k != PRIVILEGED}, **images}
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
@@ -348,7 +369,14 @@ class TaskVec(VectorEnv):
 
     # Changes --------------------------------------------------------------------------------------------------
     def set_level(self, level: float | dict[str, float]) -> None:
-        """Scale how far the ranges of the next episodes extend from nominal: 0 to 1, for all ranges or by label."""
+        """Scale how far the ranges of the next episodes extend from nominal: 0 to 1, for all ranges or by label.
+
+        Raises:
+            UserError: a level out of 0 to 1.
+        """
+        for key, value in level.items() if isinstance(level, dict) else [("level", level)]:
+            if not 0.0 <= value <= 1.0:
+                raise UserError("impossible level", key=key, expected="0 to 1", got=value)
         self.sim.levels = level
 
     def push(self, rows: Sequence[int], force: Sequence[float], start: float, duration: float) -> None:
@@ -358,7 +386,14 @@ class TaskVec(VectorEnv):
             rows: indices.
             force: (3,) N, world frame.
             start, duration: s, start since the episode began.
+
+        Raises:
+            UserError: no such row, or no force.
         """
+        for i in rows:
+            self._check_row(i)
+        if np.shape(force) != (3,):
+            raise UserError("not a force", key="force", expected="three numbers, N", got=force)
         for i in rows:
             self.sim.push[i] = Push(np.asarray(force, float), start, duration)
 
@@ -366,8 +401,19 @@ class TaskVec(VectorEnv):
         """Apply torques (k, nj) N m to the links of a row's arm in its present episode.
 
         Each acts for one control period; after the last the sequence starts again.
+
+        Raises:
+            UserError: no such row, or torques of another shape.
         """
-        self.sim.disturbed[row] = np.asarray(torque, float)
+        self._check_row(row)
+        torque, joints = np.asarray(torque, float), self.sim.home.shape[1]
+        if torque.ndim != 2 or not len(torque) or torque.shape[1] != joints:
+            raise UserError("not torques", key="torque", expected=f"shape (k, {joints})", got=torque.shape)
+        self.sim.disturbed[row] = torque
+
+    def _check_row(self, row: int) -> None:
+        if not 0 <= row < self.num_envs:
+            raise UserError("no such row", key="row", expected=f"0 to {self.num_envs - 1}", got=row)
 
     def render(self):
         """Return an RGB image (H, W, 3) uint8 per row from a camera that overlooks the cell; None without a render
@@ -402,6 +448,14 @@ def _seeds(stated: int | Sequence[int | None] | np.ndarray | None, rows: int) ->
         if one is not None:
             check_seed(one, "seed")
     return [None if one is None else int(one) for one in each]
+
+
+def _mask(stated: Sequence[bool] | np.ndarray | None, rows: int) -> np.ndarray:
+    """Return which rows to reset, all of them for None. Raises UserError: not a bool for each row."""
+    mask = np.ones(rows, bool) if stated is None else np.asarray(stated)
+    if mask.shape != (rows,) or mask.dtype != bool:
+        raise UserError("not a mask", key="options.reset_mask", expected=f"{rows} of True or False", got=stated)
+    return mask
 
 
 def _starts(stated: Start | Sequence[Start | None] | None, rows: int) -> dict[int, Start]:
