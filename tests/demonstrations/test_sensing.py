@@ -1,5 +1,7 @@
 """Looks seen side by side are what each of them is by itself."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -70,6 +72,17 @@ def test_the_same_clips_give_the_same_bytes_and_none_give_none():
     for a, b in zip(first, second, strict=True):
         assert a.rgb.tobytes() == b.rgb.tobytes() and a.depth.tobytes() == b.depth.tobytes()
     assert sense(EYE, [], PERIOD) == []
+
+
+def test_clips_of_which_some_have_labels_and_no_rows_are_refused():
+    """Else pixels and labels that nothing has written would be returned."""
+    given = clips()
+    parts = np.ones(given[0].depth.shape, np.uint8)
+    for name, value in (("parts", parts), ("bodies", parts)):
+        with pytest.raises(ValueError, match=f"some clips have {name} and others do not"):
+            sense(EYE, [replace(given[0], **{name: value}), *given[1:]], PERIOD)
+    with pytest.raises(ValueError, match="0 rows, expected at least 1"):
+        sense(EYE, given, PERIOD, 0)
 
 
 def test_what_a_late_picture_shows_is_told():

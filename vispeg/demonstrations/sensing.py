@@ -1,8 +1,7 @@
 """Apply a camera's sensor effects to many rendered clips at once, as rows of one batched pipeline.
 
-An image effect has a high cost per call and a low cost per image, so sixteen clips side by side take half the time of
-sixteen one after the other. A row whose clip has ended takes the next one. The result of a clip depends only on its own
-world and seed.
+An image effect has a high cost per call and a low cost per image, so clips side by side take less time than one after
+the other. A row whose clip has ended takes the next one. The result of a clip depends only on its own world and seed.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.pipeline import Pipeline
 from vispeg.worlds.world import World
 
-ROWS = 8  # clips side by side: more are hardly faster. Pixel rounding may depend on it, so it is fixed
+ROWS = 8  # most clips side by side; more are hardly faster. With another number pixels may round otherwise
 
 
 @dataclass(frozen=True)
@@ -30,7 +29,8 @@ class Clip:
         seed: seed of the sensor's noise.
         rgb: (T, H, W, 3) uint8.
         depth: (T, H, W) float32, m, 0 = no reading.
-        truth: (T, H, W) float32, m, depth as rendered; the same array as `depth` unless block matching made that.
+        truth: (T, H, W) float32, m, depth as rendered; where `depth` is rendered too, and not made from two infrared
+            pictures by block matching, it is the same array.
         velocity: (T, 6) of the camera in its own axes, m/s and rad/s.
         bodies: (T, H, W), and twists: (T, bodies, 6), as in `vispeg.core.frame.Frame`; None if no effect needs them.
         parts: (T, H, W) uint8, number of the part in each pixel, 0 = none; None without labels.
@@ -74,20 +74,22 @@ def sense(camera: Camera, clips: Sequence[Clip], period: float, rows: int = ROWS
         camera: the camera with its believed intrinsics.
         clips: rendered clips, without sensor effects.
         period: time between images, s.
-        rows: number of clips side by side.
+        rows: greatest number of clips side by side.
 
     Raises:
-        ValueError: an effect returned no image.
+        ValueError: no row, an effect that returned no image, or labels or bodies in some clips only.
     """
+    if rows < 1:
+        raise ValueError(f"{rows} rows, expected at least 1")
+    labelled, moving = _have(clips, "parts"), _have(clips, "bodies")
     n = min(rows, len(clips))
     out = [Sensed(np.empty_like(c.rgb), np.empty_like(c.depth), np.empty(len(c), int), _empty(c.parts)) for c in clips]
-    labelled = all(c.parts is not None for c in clips)
-    moving = all(c.bodies is not None for c in clips)
     clip_of, step, next_clip = list(range(n)), [0] * n, n  # clip and step of each row
     pipeline = Pipeline([clips[i].world for i in clip_of], camera.name)
     intrinsics = np.repeat(camera.K[None], n, axis=0)
     busy = list(range(n))
     while busy:
+        # a row for which no clip is left repeats its last image
         now = [(clips[i], min(t, len(clips[i]) - 1)) for i, t in zip(clip_of, step, strict=True)]
         frame = Frame(
             rgb=np.stack([c.rgb[t] for c, t in now]).astype(np.float32) / 255,
@@ -118,7 +120,7 @@ def sense(camera: Camera, clips: Sequence[Clip], period: float, rows: int = ROWS
                 clip_of[row], step[row], next_clip = next_clip, 0, next_clip + 1
                 pipeline.place([row], [clips[clip_of[row]].world])
             else:
-                pipeline.place([row], [World()])  # an idle row repeats its last image, without effects
+                pipeline.place([row], [World()])  # without effects
                 busy.remove(row)
     # labels follow the pixels through lens and shutter; a late image has those of the moment that it shows
     return [s if s.parts is None else replace(s, parts=s.parts[s.shown]) for s in out]
@@ -126,3 +128,11 @@ def sense(camera: Camera, clips: Sequence[Clip], period: float, rows: int = ROWS
 
 def _empty(like: np.ndarray | None) -> np.ndarray | None:
     return None if like is None else np.empty_like(like)
+
+
+def _have(clips: Sequence[Clip], name: str) -> bool:
+    """Return whether the clips have a value of this name. Raises ValueError: some have one and others do not."""
+    found = {getattr(clip, name) is not None for clip in clips}
+    if len(found) > 1:
+        raise ValueError(f"some clips have {name} and others do not")
+    return found == {True}
