@@ -9,7 +9,7 @@ import pytest
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.measure import com, friction, from_recordings, mass, restitution, stiffness
-from vispeg.measure.readings import Readings, read, refuse_drift
+from vispeg.measure.readings import Readings, digit_of, read, refuse_drift
 from vispeg.recordings.recording import Control, Recording
 from vispeg.recordings.write import write
 from vispeg.robots.model import load as robot
@@ -256,6 +256,21 @@ def test_an_even_drift_is_refused_and_chance_is_not():
         except UserError:
             refused += 1
     assert refused < 30  # two tests at three sigma: 16 of them
+
+
+def test_one_digit_in_a_unit_of_another_quantity_is_refused(tmp_path):
+    """Of lengths any unit will do, and a name without a unit is in SI."""
+    table = tmp_path / "t.csv"
+    table.write_text("angle_deg,h_mm\n20,5\n")
+    for wrong in ("angle_mm=1", "h_deg=1"):
+        with pytest.raises(UserError, match="no unit of the column"):
+            read(table, [wrong], [])
+    assert read(table, ["angle=0.01", "h_cm=0.1"], []).resolution == pytest.approx({"angle": 0.01, "h": 1e-3})
+
+
+def test_a_change_by_a_digit_that_is_not_stated_is_refused():
+    with pytest.raises(UserError, match="resolution of 'tangential' is not stated"):
+        digit_of(Readings("t", {"tangential": np.ones(5)}), ["tangential"], np.abs)
 
 
 def test_one_digit_of_the_instrument_is_no_drift():
