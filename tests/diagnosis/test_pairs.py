@@ -78,6 +78,20 @@ def test_a_fit_without_a_start_value_begins_where_it_has_a_slope(search):
     assert named.effects[0].params["rate"].value == pytest.approx(1.0, rel=0.1)
 
 
+def test_a_stated_start_value_stays_where_the_effect_is_named_twice_or_is_in_the_model(search):
+    """One point takes no step, so the fitted value is the start."""
+    recordings, arm = search.evidence.recordings[:1], World(pendulum().source).add(SERVO)
+    null = EffectInstance.of("goal_rate_limit", "hinge")
+    options = {"method": "least-squares", "iterations": 1, "threads": 1}
+    for world, effects, start in (
+        (arm, ["goal_rate_limit:hinge", "goal_rate_limit:hinge:rate=5"], 5.0),
+        (arm, ["goal_rate_limit:hinge", EffectInstance.of("goal_rate_limit", "hinge", rate=5.0)], 5.0),
+        (arm.add(LIMIT), [null], null.params["rate"].value),
+    ):
+        found = fit(world, recordings, effects, **options)
+        assert found.effects[0].params["rate"].value == pytest.approx(start)
+
+
 EVERY_ARM_HAS = (
     EffectInstance.of("viscous_friction", "hinge", damping=0.3),
     EffectInstance.of("rotor_inertia", "hinge", inertia=0.05),

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from loops import drive, hinge, pendulum, recorded
+from loops import arm, drive, hinge, pendulum, recorded
 
 import vispeg
 from vispeg.core.effect import EffectInstance
@@ -55,6 +55,31 @@ def test_recordings_in_memory_are_told_apart_by_python_too():
     assert damping.params["damping"].value > 0.3
     with pytest.raises(UserError, match="given twice"):
         vispeg.fit(ROBOT.source, [first, first], ["viscous_friction:hinge"])
+
+
+@pytest.mark.parametrize(("option", "value"), [("method", "foo"), ("engine", "foo")])
+def test_an_unknown_method_or_engine_is_refused(option, value):
+    rec = recorded(ROBOT, ROBOT.source, TRUTH, motion(), stream(7, 0))
+    with pytest.raises(UserError, match=f"{option}: no such choice; got .foo."):
+        vispeg.fit(ROBOT.source, rec, "viscous_friction:hinge", **{option: value})
+
+
+def test_a_place_of_its_own_beside_all_has_its_own_value():
+    """In either order: elbow and shoulder have unlike friction, and each comes back."""
+    robot = arm()
+    shoulder, elbow = robot.joints
+    truth = World(robot.source).add(
+        EffectInstance.of("viscous_friction", shoulder, damping=0.8),
+        EffectInstance.of("viscous_friction", elbow, damping=0.2),
+    )
+    time = np.arange(320) / 200.0
+    goal = np.stack([0.5 * (1 - np.cos(5.0 * time)), 0.4 * (1 - np.cos(9.0 * time))], axis=1)
+    swing = drive(robot, "position", command=goal, seconds=1.6, rate=200.0, kp=40.0, kd=4.0)
+    rec = recorded(robot, robot.source, truth, swing, stream(7, "arm"))
+    names = ["viscous_friction:all", f"viscous_friction:{elbow}"]
+    for effects in (names, names[::-1]):
+        found = {e.where: e.params["damping"].value for e in vispeg.fit(robot.source, rec, effects).effects}
+        assert found == pytest.approx({"all": 0.8, elbow: 0.2}, abs=0.05)
 
 
 def fit(ev: Evidence, start: World, free=None, **options):

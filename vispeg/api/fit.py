@@ -7,7 +7,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
@@ -35,6 +35,7 @@ from vispeg.report.write import finite, write_fit
 from vispeg.robots.scene import Scene
 from vispeg.task.belief import robot_of_world
 from vispeg.worlds.model_file import model_text, write_model
+from vispeg.worlds.places import ALL
 from vispeg.worlds.words import parse
 from vispeg.worlds.world import World
 
@@ -116,15 +117,16 @@ def fit(
     """Fit the parameters of named effects to recordings, with 95 % intervals.
 
     Recordings are folders or `Recording` objects. Effects are texts, or instances whose values are where the fit
-    starts.
+    starts. Of two for one effect at one place the later counts; beside one at `all`, a place of its own keeps its own
+    value.
 
     Args:
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
         recordings: recordings to fit.
         effects: effects to fit, each EFFECT:WHERE[:param=start,...]; WHERE all fits one value shared by all places,
             WHERE each fits one value per place; default: the effects of the model. A parameter without a start value
-            starts at the model's value, or else at a typical one; a servo or a limit without any start value starts at
-            an estimate from the recordings.
+            starts at the model's value, or else at a typical one; a servo or a limit that the model lacks, without any
+            start value, starts at an estimate from the recordings.
         validate: held-out recordings, never fitted.
         channels: channels to choose from; an unknown name lists all. The fit uses one, the first in which most of the
             effects are visible; default: the channels that `vispeg diagnose` uses.
@@ -132,20 +134,24 @@ def fit(
             everything.
         method: auto: least squares, with CMA-ES before it if an effect is not smooth.
         iterations: largest number of points that least squares evaluates, the start included: 1 takes no step. CMA-ES
-            gets ten times as many generations. Default: 15; for the paper's protocol, 120 generations.
-        starts: number of random starts, of which the best result is kept.
+            gets ten times as many generations. Default: 15.
+        starts: number of starts, of which the best result is kept: the first as stated, the others random.
         seed: seed of the random starts and of CMA-ES.
         threads: number of threads for the simulation.
-        engine: where candidates are simulated: local, or ray for a Ray cluster, of which --threads workers are used.
+        engine: where candidates are simulated: local, or ray for a Ray cluster of `threads` workers.
         part: folder that keeps the state of the optimizers until the result is saved.
         resume: continue a fit that was stopped.
         watch: called after each step of an optimizer, with the number of the start and the optimizer's trace.
         reading: shows progress while a recording is read.
 
     Raises:
-        UserError: a model, a recording or an effect that cannot be read, or nothing to fit.
+        UserError: a model, a recording or an effect that cannot be read, an unknown method or engine, or nothing to
+            fit.
     """
     check_seed(seed)
+    for flag, choice, choices in (("--method", method, get_args(Method)), ("--engine", engine, get_args(Engine))):
+        if choice not in choices:
+            raise UserError("no such choice", key=flag, got=choice, choices=choices)
     iterations = ITERATIONS if iterations is None else iterations
     for flag, number in (("--starts", starts), ("--iterations", iterations)):
         if number < 1:
@@ -158,33 +164,32 @@ def fit(
         **windows(model, seconds, recordings, validate),
         reading=reading,
     )
-    world, free, unstated = _free(inputs.world, several(effects), inputs.fitted)
+    world, free, unstated = _with_effects(inputs.world, several(effects), inputs.fitted)
     stamp = inputs.provenance(seed)
     both = inputs.fitted, inputs.held_out
     used = resolve(world, *both, asked=channels)
-    channel = fitted_in(used, [world.effects[i].effect for i in free])
-    # `inputs.key` begins with the text of the model without the added effects
-    key = [model_text(world), *inputs.key()[1:], list(free), seconds, method, starts, seed, stamp["versions"], channel]
+    name = fitted_in(used, [world.effects[i].effect for i in free])
+    key = [model_text(world), *inputs.key(), list(free), seconds, method, starts, seed, stamp["versions"], name]
     checkpoint = None
     if part is not None:
         checkpoint = Checkpoint(Path(part) / "checkpoint.json", key, starts, resume, watch)
-    whole, observing = world, CHANNELS[channel]
-    evidence, judged = observing.evidence(whole, both, How(seconds, threads=threads))
-    world, free, unstated = _observed_part(whole, channel, free, unstated)
-    world = observing.begin(evidence, world, unstated)
-    make = partial(_fitted, whole, both, channel, How(seconds))
+    channel = CHANNELS[name]
+    evidence, judged = channel.evidence(world, both, How(seconds, threads=threads))
+    start, free, unstated = _observed_part(world, name, free, unstated)  # the indices are now those of `start`
+    start = channel.begin(evidence, start, unstated)
+    make = partial(_fitted, world, both, name, How(seconds))
     options = {"method": method, "starts": starts, "iterations": iterations, "checkpoint": checkpoint}
     with cluster(threads) if engine == "ray" else nullcontext():
         evaluate = spread(make, threads) if engine == "ray" else None
-        result = calibrate(evidence, world, free, seed=seed, evaluate=evaluate, **options)
-    result = replace(result, fit=observing.finish(evidence, result.fit))
-    given = observing.part(inputs.world)
+        result = calibrate(evidence, start, free, seed=seed, evaluate=evaluate, **options)
+    result = replace(result, fit=channel.finish(evidence, result.fit))
+    given = channel.part(inputs.world)
     record, final = fit_record(given, result, free, evidence, judged)
-    record = finite(record | {"channel": channel, "provenance": stamp})
-    drawn = observing.drawn(evidence if judged is None else judged, [given, final])
-    with_arms(given, drawn)
-    named = tuple(final.effects[i] for i in free)
-    return FitResult(record, whole.add(*named), named, inputs.files, drawn, checkpoint)
+    record = finite(record | {"channel": name, "provenance": stamp})
+    arrays = channel.drawn(evidence if judged is None else judged, [given, final])
+    with_arms(given, arrays)  # adds the arm's shapes to them
+    fitted = tuple(final.effects[i] for i in free)
+    return FitResult(record, world.add(*fitted), fitted, inputs.files, arrays, checkpoint)
 
 
 def _observed_part(
@@ -210,7 +215,7 @@ def _fitted(world: World, both: Both, channel: str, how: How) -> Evidence:
     return CHANNELS[channel].evidence(world, both, how)[0]  # what is compared depends on both groups of recordings
 
 
-def _free(
+def _with_effects(
     world: World, effects: Sequence[str | EffectInstance], recordings: Sequence[Recording]
 ) -> tuple[World, tuple[int, ...], tuple[int, ...]]:
     """Return the world with the named effects added, their indices, and the indices of those without a start value."""
@@ -218,22 +223,22 @@ def _free(
         if not world.effects:
             raise UserError("nothing to fit", key="--effects", expected="EFFECT:WHERE, or a model file with effects")
         return world, tuple(range(len(world.effects))), ()
-    robot, wanted, unstated = robot_of_world(world), {}, set()
+    robot = robot_of_world(world)
     cameras = dict.fromkeys(name for rec in recordings if rec.frames is not None for name in rec.frames.names)
     if isinstance(robot, Scene) and cameras:
         robot = replace(robot, cameras=tuple(cameras))
     present = {(e.effect, e.where) for e in world.effects}
+    wanted: dict[tuple[str, str], EffectInstance] = {}
+    stated: dict[tuple[str, str], bool] = {}  # whether it has a start value
     for named in effects:
         if isinstance(named, EffectInstance):
-            wanted[named.effect, named.where] = named
-            if named.params == EffectInstance.of(named.effect, named.where).params:
-                unstated.add((named.effect, named.where))
-            continue
-        for placed in parse(named, robot, world.effects):
-            at = (placed.effect, placed.where)
-            wanted[at] = placed
-            if named.count(":") == 1 and at not in present:  # EFFECT:WHERE, without start values
-                unstated.add(at)
-    world = world.add(*wanted.values())
-    free = [i for i, e in enumerate(world.effects) if (e.effect, e.where) in wanted]
-    return world, tuple(free), tuple(i for i in free if (world.effects[i].effect, world.effects[i].where) in unstated)
+            placed, values = [named], named.params != EffectInstance.of(named.effect, named.where).params
+        else:
+            placed, values = parse(named, robot, world.effects), named.count(":") > 1  # EFFECT:WHERE:param=start
+        for e in placed:
+            at = e.effect, e.where
+            wanted[at], stated[at] = e, values or at in present
+    # an effect at `all` comes first: of two that act at one place the later counts
+    world = world.add(*sorted(wanted.values(), key=lambda e: e.where != ALL))
+    free = tuple(i for i, e in enumerate(world.effects) if (e.effect, e.where) in wanted)
+    return world, free, tuple(i for i in free if not stated[world.effects[i].effect, world.effects[i].where])

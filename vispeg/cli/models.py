@@ -122,7 +122,7 @@ def fit(call: Call, out: Path, protocol: Literal["effects", "paper"] = "effects"
 
     Args:
         out: folder for the results.
-        protocol: fit named effects to recordings, or the paper's protocol.
+        protocol: fit named effects to recordings, or the paper's protocol (120 generations of CMA-ES by default).
         overwrite: replace `out` if it exists.
     """
     from vispeg.api.inputs import model_files
