@@ -284,6 +284,22 @@ def test_poor_motions_are_told_from_good_ones():
     assert still.condition is None and set(still.identifiability.values()) == {0.0}
 
 
+def test_what_one_speed_confounds_leaves_gravity_and_bias_determined():
+    """There and back at one speed: dry friction is viscous friction, nothing accelerates, the rest is regular."""
+    q = np.concatenate([ramp := np.linspace(-1.0, 1.0, 500), ramp[::-1]])
+    dq = np.repeat([1.0, -1.0], 500)
+    found = excitation(q, dq, np.zeros(1000), noise_tau=0.2)
+    regular = np.stack([np.sign(dq), np.sin(q), np.cos(q), np.ones(1000)], axis=1)
+    sigma = dict(
+        zip(("coulomb", *PARAMETERS[3:]), 0.2 * np.sqrt(np.diag(np.linalg.inv(regular.T @ regular))), strict=True)
+    )
+    assert found.sigma is not None and found.condition == np.inf
+    confounded = PARAMETERS[:3]
+    assert [(found.identifiability[k], found.sigma[k]) for k in confounded] == [(0.0, np.inf)] * 3
+    for name in PARAMETERS[3:]:
+        assert found.identifiability[name] > 0.1 and found.sigma[name] == pytest.approx(sigma[name])
+
+
 def test_reversals_are_counted_through_noise():
     time = np.arange(5000) / RATE  # 10 s: ten half-waves of a 0.5 Hz sine, ten turning points
     assert check(moving()).joints[0].excitation.reversals == 10

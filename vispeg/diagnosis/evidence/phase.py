@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vispeg.recordings.checks.excitation import LEAST_SPEED, MOVES
+from vispeg.recordings.checks.excitation import moves
 
 
 def phase(time: np.ndarray, dq: np.ndarray) -> np.ndarray:
@@ -24,7 +24,7 @@ def phase(time: np.ndarray, dq: np.ndarray) -> np.ndarray:
     """
     out = np.full(dq.shape, np.nan)
     for j, speed in enumerate(dq.T):
-        moving = np.flatnonzero(np.abs(speed) > max(MOVES * np.abs(speed).max(initial=0.0), LEAST_SPEED))
+        moving = np.flatnonzero(moves(speed))
         turned = np.flatnonzero(np.diff(np.sign(speed[moving])) != 0)
         turns = np.array([_crossing(time, speed, moving[k], moving[k + 1]) for k in turned])
         for start, stop, first in zip(turns, turns[1:], moving[turned + 1], strict=False):
