@@ -116,7 +116,7 @@ def test_a_ladder_of_effects_that_came_in_together_stays_a_table(capsys):
     ]
     Console(width=80).print(ladder_table({"ladder": rungs, "noise_floor": {"value": 2e-5, "unit": "rad RMS"}}))
     lines = capsys.readouterr().out.splitlines()
-    assert max(map(len, lines)) <= 80 and lines[0].split() == ["Model", "Fitted", "Held", "out", "Floor"]
+    assert max(map(len, lines)) <= 80 and lines[0].split() == ["Model", "Fitted", "Held", "out", "×", "floor"]
     names = [line.split("  ")[0].strip() for line in lines[2:]]
     assert names == ["nominal", "+ coulomb_friction", "+ viscous_friction", "+ rotor_inertia", "+ joint_bias(several)"]
     assert "1.00 mrad RMS" in lines[3]

@@ -8,7 +8,8 @@ from vispeg.diagnosis.conclusion.verdict import decide, without_tentative
 from vispeg.diagnosis.findings import Rivals
 from vispeg.report.text import contact_words, effect_words, joint_errors, unseen, words
 from vispeg.report.text.quantities import interval, plain, quantity
-from vispeg.report.text.terminal import effects_table
+from vispeg.report.text.summary import Line
+from vispeg.report.text.terminal import comparison_summary, effects_table
 
 
 def _ladder(*held, floor=1e-4, **more):
@@ -332,9 +333,24 @@ def test_the_terminals_table_says_of_each_effect_how_sure_its_name_is():
         },
     ]
     sheet = effects_table({"verdict": "ambiguous", "effects": effects})
-    column = [c.head for c in sheet.columns].index("Name")
+    column = [c.head for c in sheet.columns].index("Certainty")
     assert [row[column] for row in sheet.rows] == ["named", "tentative", "1 of 3"]
-    assert "Name" not in [c.head for c in effects_table({"effects": effects}).columns], "a fit names nothing"
+    assert "Certainty" not in [c.head for c in effects_table({"effects": effects}).columns], "a fit names nothing"
+
+
+def test_a_comparison_claims_the_noise_floor_only_of_what_was_read():
+    """A joint that was never read has no error, and errors that overflowed are null in the file."""
+    joints = [{"joint": "joint1", "error": 1.0, "floor": 1.0, "times_floor": 1.0, "unit": "rad RMS"}]
+    unread = {"joint": "joint2", "error": None, "floor": 0.0, "times_floor": None, "unit": "rad RMS"}
+    null = [{"joint": "joint1", "regime": "steady", "share": None}]
+
+    def said(**record):
+        return [block.text for block in comparison_summary(record) if isinstance(block, Line)]
+
+    assert "the model is at the noise floor everywhere" in said(joints=joints, chi2=1.0)
+    assert "the model is at the noise floor in what was read" in said(joints=[*joints, unread], chi2=1.0)
+    for record in ({"joints": [unread], "chi2": 1.0}, {"joints": joints, "chi2": None, "where_it_fails": null}):
+        assert not any("everywhere" in line or "where it fails" in line for line in said(**record))
 
 
 def test_a_value_that_rounds_to_nothing_has_no_sign():

@@ -13,7 +13,7 @@ from vispeg.report.record import Record, label, params_of, rows
 from vispeg.report.sections.channels import channel_row
 from vispeg.report.sections.found import correlations, effect_rows, share, without
 from vispeg.report.text import camera_words, contact_words, unseen, words
-from vispeg.report.text.quantities import fold, interval, quantity
+from vispeg.report.text.quantities import fold, interval, number, quantity
 from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
 
@@ -22,7 +22,7 @@ WIDE = 34  # characters of a model's name that leave room for three columns of e
 
 def ladder_table(diagnosis: Mapping[str, Any]) -> Sheet:
     """Return a table of models with errors on fitted and held-out recordings, the latter also in noise floors."""
-    columns = [Column("Model"), *(Column(head, right=True) for head in ("Fitted", "Held out", "Floor"))]
+    columns = [Column("Model"), *(Column(head, right=True) for head in ("Fitted", "Held out", "× floor"))]
     models = ladder_rows(_record(diagnosis))
     return Sheet(columns, [[_lines(row["model"]), row["fit"], row["heldout"], row["floor"] or "–"] for row in models])
 
@@ -40,7 +40,7 @@ def effects_table(diagnosis: Mapping[str, Any]) -> Sheet:
     effects = effect_rows(_record(diagnosis))
     bound, sure = any(row["bound"] for row in effects), bool(diagnosis.get("verdict"))
     columns = [Column("Effect"), Column("Parameter"), Column("Value", right=True), Column("95 % interval")]
-    columns += [Column("Unit"), *([Column("Name")] if sure else []), *([Column("Bound")] if bound else [])]
+    columns += [Column("Unit"), *([Column("Certainty")] if sure else []), *([Column("Bound")] if bound else [])]
     cells = []
     for row in effects:
         line = [row["effect"], row["param"], row["value"], row["interval"] or "–", row["unit"]]
@@ -56,17 +56,17 @@ def _narrow(effects: Sequence[Mapping[str, str]], diagnosis: Mapping[str, Any]) 
     placed, cells = {label(e): e for e in rows(diagnosis, "effects")}, list[list[str]]()
     for name, each in groupby(effects, key=itemgetter("effect")):
         params = [*each]
-        state = params[0]["sure"] if diagnosis.get("verdict") else ""
+        certainty = params[0]["sure"] if diagnosis.get("verdict") else ""
         alone = len(params_of(placed[name])) <= 1
         if not alone:
-            cells.append([name, "", "", state])
+            cells.append([name, "", "", certainty])
         for row in params:
-            head, note = f"  {row['param']}", row["bound"]
+            head, remark = f"  {row['param']}", row["bound"]
             if alone:
-                head, note = name, "\n".join(filter(None, (state, row["bound"])))
-            cells.append([head, f"{row['value']} {row['unit']}".strip(), row["interval"] or "–", note])
+                head, remark = name, "\n".join(filter(None, (certainty, row["bound"])))
+            cells.append([head, f"{row['value']} {row['unit']}".strip(), row["interval"] or "–", remark])
     columns = [Column("Effect"), Column("Value", right=True), Column("95 % interval")]
-    columns += [Column("Name")] if any(note for *_, note in cells) else []
+    columns += [Column("Certainty")] if any(remark for *_, remark in cells) else []
     return Sheet(columns, [row[: len(columns)] for row in cells])
 
 
@@ -90,13 +90,14 @@ def restarts_table(diagnosis: Mapping[str, Any]) -> Sheet:
     for row in rows(diagnosis, "restarts"):
         for p in rows(row, "parameters"):
             value, span = interval(p.get("best"), p.get("low"), p.get("high"))
-            cells.append([str(row["window"]), str(p["parameter"]), value, span, "yes" if p.get("told") else "no"])
+            determined = "yes" if p.get("told") else "no"
+            cells.append([str(row["window"]), str(p["parameter"]), value, span, determined])
     return Sheet(columns, cells, keys=2)
 
 
 def channels_table(diagnosis: Mapping[str, Any]) -> Sheet:
     """Return a table of channels with verdicts and errors."""
-    heads = [Column(head, right=True) for head in ("Before", "After", "Floor")]
+    heads = [Column(head, right=True) for head in ("Before", "After", "Noise floor")]
     keys = ("channel", "verdict", "before", "after", "floor")
     cells = [[row[key] for key in keys] for row in map(channel_row, rows(diagnosis, "by_channel"))]
     return Sheet([Column("Channel"), Column("Verdict"), *heads], cells, keys=1)
@@ -142,6 +143,7 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
             out += _closed_loop(record)
         if isinstance(views := record.get("views"), Mapping):
             out += [Line(sentence) for sentence in (*camera_words.projections(views), *camera_words.confounded(views))]
+        # notes of joints and tosses stand on the page; those of several channels repeat those of each
         if record.get("evidence") == "contact" or isinstance(record.get("views"), Mapping):
             unlisted = [note for note in dict.fromkeys(record.get("notes") or ()) if note not in noted]
             out += [Line(f"note: {note}") for note in unlisted]
@@ -184,7 +186,7 @@ def joints_table(comparison: Mapping[str, Any]) -> Sheet:
     """Return a table of error, noise floor, ratio and measured torque error of each joint (of a wrench, each axis)."""
     joints = rows(comparison, "joints")
     torque = any("torque_error" in row for row in joints)
-    heads = ["Error", "Noise floor", "Times", *(["Torque error"] if torque else [])]
+    heads = ["Error", "Noise floor", "× floor", *(["Torque error"] if torque else [])]
     cells = []
     for row in joints:
         unit = str(row.get("unit") or "")
@@ -200,13 +202,14 @@ def comparison_summary(comparison: Mapping[str, Any]) -> list[Block]:
     out: list[Block] = [Line(sentence) for sentence in words.diverged(comparison)]
     joints = rows(comparison, "joints")
     out += [Line(words.fall(comparison)), *([joints_table(comparison)] if joints else [])]
-    worst = [
-        f"{r.get('joint')}, {r.get('regime')} ({100 * r['share']:.0f} %)" for r in rows(comparison, "where_it_fails")
-    ]
-    near = bool(joints) and comparison.get("chi2", 0.0) <= words.NEAR_FLOOR**2
-    if near and all(float(row.get("times_floor") or 0.0) <= words.NEAR_FLOOR for row in joints):
+    shares = [(row, number(row.get("share"))) for row in rows(comparison, "where_it_fails")]
+    worst = [f"{r.get('joint')}, {r.get('regime')} ({100 * s:.0f} %)" for r, s in shares if s is not None]
+    chi2, times = number(comparison.get("chi2")), [number(row.get("times_floor")) for row in joints]
+    read = [t for t in times if t is not None]
+    if read and chi2 is not None and chi2 <= words.NEAR_FLOOR**2 and max(read) <= words.NEAR_FLOOR:
         whose = "the model of the arm" if camera_words.cameras(comparison) else "the model"
-        out.append(Line(f"{whose} is at the noise floor everywhere"))
+        where = "everywhere" if len(read) == len(joints) else "in what was read"
+        out.append(Line(f"{whose} is at the noise floor {where}"))
     elif worst:
         out.append(Line(f"where it fails: {'; '.join(worst[:3])}"))
     out += [Line(sentence) for sentence in words.drifted(rows(comparison, "drift"))]
