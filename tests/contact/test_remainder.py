@@ -9,7 +9,7 @@ import pytest
 from straight import Straight, search
 
 from vispeg.api.recording.cell import cell_motion
-from vispeg.contact.remainder import Rest, judged
+from vispeg.contact.remainder import Rest, of_phases
 from vispeg.contact.selection.repeats import allowing, repeated, repeats, uncertainty
 from vispeg.contact.selection.shows_from import Tried, least_sizes, shown_from, surely
 from vispeg.contact.selection.spare import may_be_absent
@@ -110,8 +110,8 @@ def test_only_fitted_poses_have_intervals_that_allow_for_the_arm():
 def test_a_phase_beyond_its_bar_leaves_a_verdict_unexplained():
     named = Verdict("identified", "named")
     within, beyond = Rest("press", False, 1.2, 2.0, 80), Rest("hole", True, 3.0, 2.0, 80)  # mean squares: 1.73^2
-    assert judged(named, [within]) is named
-    unexplained = judged(named, [within, beyond])
+    assert of_phases(named, [within]) is named
+    unexplained = of_phases(named, [within, beyond])
     assert unexplained.verdict == "unexplained" and "in hole an error of 1.73 ×" in unexplained.reason
 
 

@@ -73,7 +73,7 @@ def test_two_calibrations_of_one_camera_are_refused_where_they_are_compared():
     one, other = seen_by(HAND, seed=0), seen_by(HAND.moved(fx=HAND.fx * 1.01), seed=1)
     for attempt in (
         lambda: PICTURES.diagnose(CELL, ([one], [other]), How()),
-        lambda: PICTURES.blind(CELL, [one, other]),
+        lambda: PICTURES.blind(CELL, ([one, other], [])),
         lambda: border_evidence_of(CELL, [one, other], []),
     ):
         with pytest.raises(UserError, match="camera 'my hand' has another calibration than in recording 'run-0'"):

@@ -94,7 +94,7 @@ class Channel(ABC):
         """Say whether an effect of this kind, found in another channel, changes what this channel predicts."""
         return False
 
-    def blind(self, world: World, *both: Sequence[Recording]) -> str:
+    def blind(self, world: World, both: Both) -> str:
         """Say why these recordings show nothing of the model although they have this channel; empty if they do."""
         return ""
 
@@ -127,7 +127,7 @@ class Channel(ABC):
         return fit
 
     def drawn(self, evidence: Evidence, worlds: Sequence[World]) -> dict[str, np.ndarray]:
-        """Return the arrays behind the pictures of a fit: what was measured, and what each of two worlds predicts."""
+        """Return the arrays behind the pictures of a fit: what was measured, and what each of `worlds` predicts."""
         return {}
 
     # Comparison and diagnosis ------------------------------------------------------------------------------------

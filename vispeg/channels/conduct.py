@@ -39,7 +39,7 @@ def diagnose(channels: Sequence[str], world: World, both: Both, how: How) -> Dia
         UserError: recordings that cannot be compared in a channel.
     """
     chosen = [CHANNELS[name] for name in channels]
-    blind = {c.name: c.blind(world, *both) if len(chosen) > 1 else "" for c in chosen}
+    blind = {c.name: c.blind(world, both) if len(chosen) > 1 else "" for c in chosen}
     looked_in = [c for c in chosen if not blind[c.name]] or chosen[:1]
     left_out = [f"{c.name} are left out: {blind[c.name]}" for c in chosen if c not in looked_in]
     if len(looked_in) == 1:

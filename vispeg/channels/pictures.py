@@ -55,7 +55,7 @@ class Pictures(Channel):
         """Say whether the effect is an encoder offset, or moves the fixture or the held part."""
         return kind.name == READINGS or (kind.family in ("task", "contact") and bool(kind.writes & STANDS))
 
-    def blind(self, world: World, *both: Sequence[Recording]) -> str:
+    def blind(self, world: World, both: Both) -> str:
         """Say why no camera of the fitted recordings sees the cell; empty if one does."""
         scene = scene_of(world, [rec for recordings in both for rec in recordings])
         (fitted_sights, _), unseen = seeing(scene, tuple(sights_of(recordings) for recordings in both), world)

@@ -57,7 +57,7 @@ def most_left(independent: float) -> float:
     return 1 + RULES.phase_spread * float(np.sqrt(2 / independent))
 
 
-def judged(verdict: Verdict, rests: Sequence[Rest]) -> Verdict:
+def of_phases(verdict: Verdict, rests: Sequence[Rest]) -> Verdict:
     """Change a verdict to `unexplained` if the residual of some phase exceeds its limit."""
     worst = max(rests, key=lambda rest: rest.beyond, default=None)
     if worst is None or worst.beyond <= 1.0 or verdict.verdict == "unexplained":

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from vispeg.contact.again.closed_loop import closed_loop, contradicted
-from vispeg.contact.again.damping import Struck, struck
+from vispeg.contact.again.damping import Unsearched, struck
 from vispeg.contact.errors.noise import excess_noise
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.inputs import touching
@@ -23,8 +23,7 @@ from vispeg.contact.record import (
     with_nuisance,
     worst_left,
 )
-from vispeg.contact.remainder import judged as in_phases
-from vispeg.contact.remainder import remainder
+from vispeg.contact.remainder import of_phases, remainder
 from vispeg.contact.selection import confounded
 from vispeg.contact.selection.profile import BLOWS, looked_for
 from vispeg.contact.selection.repeats import repeated
@@ -63,7 +62,10 @@ def evidence_of(recordings: Sequence[Recording], nthread: int = 1) -> ContactEvi
 
 
 def begun(world: World) -> Beginning:
-    """Return the model from which the search starts; partial effects in it are refitted."""
+    """Return the start of the search in a model: its partial effects are refitted, except those found from impacts.
+
+    The wrench along the measured path, which the search fits, does not show these.
+    """
     return opened(world, {kind.name for kind in looked_for() if kind.stage != BLOWS})
 
 
@@ -74,8 +76,8 @@ def unsearched(
     judged: ContactEvidence,
     both: tuple[Sequence[Recording], Sequence[Recording]],
     nthread: int = 1,
-) -> Struck:
-    """Return what is found without a search: noise of the wrench in excess of the stated one, damping from impacts.
+) -> Unsearched:
+    """Return noise of the wrench in excess of the stated one, and damping from impacts.
 
     Args:
         world: the model from which the search started.
@@ -84,8 +86,8 @@ def unsearched(
         both: the fitted and the held-out recordings.
         nthread: threads of the simulation.
     """
-    hit = struck(found, *both, nthread)
-    return replace(hit, effects=(*excess_noise(world, evidence.items, judged.items), *hit.effects))
+    damping = struck(found, *both, nthread)
+    return replace(damping, effects=(*excess_noise(world, evidence.items, judged.items), *damping.effects))
 
 
 def diagnose_contact(
@@ -97,9 +99,10 @@ def diagnose_contact(
     say: Callable[[str], None] = lambda _: None,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Find the effects of contact that `world` lacks; every error in the record is on `held_out`.
+    """Find the effects of contact that `world` lacks.
 
-    Partial effects of contact in `world` are refitted.
+    Every error in the record is on `held_out`, except the ladder's `fit_error`. Partial effects in `world` are refitted
+    as `begun` says.
 
     Raises:
         UserError: a recording with neither wrench nor joint torques, or one that begins in contact.
@@ -111,31 +114,36 @@ def diagnose_contact(
     world, n_fixed = begin.world, begin.n_fixed
     before_held = judged.residuals([world])[0]
     state = search.run(world, n_fixed)
-    shows = search.least
+    least_sizes = search.least
     imitated = confounded.imitated(search, state)
     rivals = rivals_of_each(search, state, say) if len(state.world.effects) > n_fixed else []
     errors = judged.errors([world, state.world])
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
     say("simulating impacts")
-    hit = unsearched(world, state.world, evidence, judged, (fitted, held_out), nthread)
-    fitted_world = state.world.add(*hit.effects)
-    rests = [*remainder(evidence, state.world), *remainder(judged, state.world, held_out=True)]
-    in_floors = (errors[0] / judged.floor, errors[1] / judged.floor)
-    verdict = in_phases(
-        decide(before, after, len(fitted_world.effects) - n_fixed, rivals, depends=[], errors=in_floors), rests
-    )
-    wrong = of_form(evidence, state.fit, judge.mean(judge.losses([begin.bare])[0]), after)
-    corrected = widened(repeated(state.world, n_fixed), range(n_fixed, len(state.world.effects)), wrong).add(
-        *hit.effects
-    )
-    models = {"given": world, "corrected": corrected} if len(corrected.effects) > n_fixed else {"given": world}
+    direct = unsearched(world, state.world, evidence, judged, (fitted, held_out), nthread)
+    fitted_world = state.world.add(*direct.effects)
+    # intervals of fitted values count the error of the model's form too; what was found directly has its own
+    form_error = of_form(evidence, state.fit, judge.mean(judge.losses([begin.bare])[0]), after)
+    added = range(n_fixed, len(state.world.effects))
+    corrected = widened(repeated(state.world, n_fixed), added, form_error).add(*direct.effects)
+    changed = len(corrected.effects) > n_fixed
+    models = {"given": world, "corrected": corrected} if changed else {"given": world}
     replayed, replay_notes = closed_loop(held_out, models, nthread)
+
+    in_floors = (errors[0] / judged.floor, errors[1] / judged.floor)
+    verdict = decide(before, after, len(fitted_world.effects) - n_fixed, rivals, depends=[], errors=in_floors)
+    # what makes it `unexplained` comes first, as only `identified` may become `ambiguous`
+    verdict = of_phases(verdict, [*remainder(evidence, state.world), *remainder(judged, state.world, held_out=True)])
     verdict = contradicted(verdict, replayed, held_out, corrected, n_fixed, nthread)
-    together = confounded.entangled(state.fit, n_fixed)
+    # the first of these that holds states the reason
+    combined = confounded.entangled(state.fit, n_fixed)
     verdict = confounded.of_layer(verdict, corrected, n_fixed)
-    verdict = confounded.of_imitated(confounded.of_combinations(verdict, together), imitated)
-    nuisances = allowed(judged, {"given": world, "corrected": state.world} if len(models) > 1 else {"given": world})
+    verdict = confounded.of_combinations(verdict, combined)
+    verdict = confounded.of_imitated(verdict, imitated)
+    # A clause is added to whichever reason stands. Along the measured path only the searched effects change the wrench.
+    nuisances = allowed(judged, {"given": world, "corrected": state.world} if changed else {"given": world})
     verdict = with_nuisance(verdict, nuisances)
+
     final = with_origin(
         corrected,
         n_fixed,
@@ -148,15 +156,15 @@ def diagnose_contact(
     )
     predicted = judged.simulated([world, state.world])
     recorded = {r.motion for r in (*fitted, *held_out)}
-    explained = shares(judge, state.world, n_fixed, before, after, floor=1.0)  # not of what was found without a search
+    explained = shares(judge, state.world, n_fixed, before, after, floor=1.0)  # the right model leaves noise alone, 1
     found = effects(final, n_fixed, rivals, fitted_world, explained)
-    unseen = [*not_excited(shows, recorded), *hit.unseen]
+    unseen = [*not_excited(least_sizes, recorded), *direct.unseen]
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "evidence": "contact",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": confounded.with_imitators(confounded.beside(found, together), imitated),
+        "effects": confounded.with_imitators(confounded.beside(found, combined), imitated),
         "ladder": ladder(evidence, judged, state, world),
         "noise_floor": {"value": judged.floor, "unit": "N RMS", "from": judged.floor_from},
         "where_it_fails": where_it_fails(judged, predicted),
@@ -165,16 +173,16 @@ def diagnose_contact(
         "unexplained": verdict.unexplained,
         "channels": channels(judged, predicted),
         "not_excited": unseen,
-        "shows_from": shows_from(shows),
+        "shows_from": shows_from(least_sizes),
         "allowed": nuisances,
         "closed_loop": replayed,
-        "next_experiment": separating(fitted_world, rivals, unseen, [*imitated, *together], recorded),
+        "next_experiment": separating(fitted_world, rivals, unseen, [*imitated, *combined], recorded),
         "candidates": candidates(state, rivals),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],
         "correlations": correlations(state),
         "parameters_moved": moved(state),
-        "notes": [*evidence.notes, *hit.notes, *replay_notes],
+        "notes": [*evidence.notes, *direct.notes, *replay_notes],
     }
     return Diagnosis(record, final, arrays(judged, predicted))
 
@@ -198,5 +206,5 @@ def compare_contact(
         "phases": phase_errors(evidence, predicted),
         "recordings": {"fit": [], "validate": [r.name for r in recordings]},
         "notes": list(evidence.notes),
-    }  # fmt: skip
+    }
     return Comparison(record, arrays(evidence, predicted))

@@ -37,13 +37,13 @@ BESIDE = ("compliance", "friction", "free air")  # stages of other effects that 
 
 
 @dataclass(frozen=True)
-class Struck:
-    """Result of the search for damping.
+class Unsearched:
+    """What is found without a search: here the damping.
 
     Attributes:
-        effects: none, or the damping with its interval.
+        effects: the effects with their intervals.
         notes: notes for the user.
-        unseen: the effect, if no impact can show it.
+        unseen: the effects that no impact can show.
     """
 
     effects: tuple[EffectInstance, ...] = ()
@@ -51,7 +51,7 @@ class Struck:
     unseen: tuple[NotExcited, ...] = ()
 
 
-def struck(world: World, fitted: Sequence[Recording], held_out: Sequence[Recording], nthread: int = 1) -> Struck:
+def struck(world: World, fitted: Sequence[Recording], held_out: Sequence[Recording], nthread: int = 1) -> Unsearched:
     """Fit the damping to the impacts of some recordings, and judge it on those of others.
 
     Args:
@@ -60,10 +60,10 @@ def struck(world: World, fitted: Sequence[Recording], held_out: Sequence[Recordi
         nthread: threads of the simulation.
     """
     if any(e.effect in (NAME, TWIN) for e in world.effects):
-        return Struck()
+        return Unsearched()
     fit, judge = ([b for rec in recordings for b in blows(rec)] for recordings in (fitted, held_out))
     if not fit or not judge:
-        return Struck(unseen=_unseen({"fitted": (fitted, fit), "held-out": (held_out, judge)}))
+        return Unsearched(unseen=_unseen({"fitted": (fitted, fit), "held-out": (held_out, judge)}))
     scene = fit[0].scene
     where = place_of(effect(NAME), scene)
     scale, low, high, least, none = _fitted(world, where, fit, nthread)
@@ -80,17 +80,17 @@ def struck(world: World, fitted: Sequence[Recording], held_out: Sequence[Recordi
         elif not low <= 1.0 <= high:
             law = "which the contact law's own error may also explain"
             text += f", {law if within(low, high) else 'but it does not improve the held-out impacts'}: not named"
-        return Struck(notes=(f"{count}: {flight}; {text}",))
+        return Unsearched(notes=(f"{count}: {flight}; {text}",))
     rivals = _rivals(world, scene, fit, least + rise, nthread)
     if after.square > bar or rivals:
         why = f"{' or '.join(rivals)} explain them as well" if rivals else "no damping explains them"
-        return Struck(
+        return Unsearched(
             notes=(f"{count}: {flight}, {1e3 * after.rms:.2g} ms with {best.label} at {scale:.2g}; {why}: not named",)
         )
     named = EffectInstance(NAME, where, {"scale": Value(scale, low, high)})
     e = [_restitution(scene, where, s) for s in (scale, high, low)]
     text = f"{count}: {flight}, {1e3 * after.rms:.2g} ms with {best.label}; this is equivalent to {TWIN} "
-    return Struck((named,), (f"{text}e = {e[0]:.2g} [{e[1]:.2g}, {e[2]:.2g}]",))
+    return Unsearched((named,), (f"{text}e = {e[0]:.2g} [{e[1]:.2g}, {e[2]:.2g}]",))
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,11 @@
 """Minimum size of an effect with which a search finds it, to first order in the size.
 
 The trace of a parameter is the whitened change of the readings if the parameter has its trial size, minus the part that
-the model's own parameters can make up for. If a robot has the effect at c times the trial size, adding it to the model
-lowers the squared residual of a block of readings by c^2 d^2 + 2 c d e. Here d is the norm of the trace in the block,
-and e the error of the readings along it, as large as the present residual along the trace. What is sought is the least
-c that passes the tests of the search.
+the model's own parameters can make up for. A block is a short piece of a recording, over which a search tests gains
+(`selection.judge`). If a robot has the effect at c times the trial size, adding it to the model lowers the squared
+residual of a block by c^2 d^2 + 2 c d e. Here d is the norm of the trace in the block, and e the readings' error along
+it: whitened, so that white noise has the standard deviation 1; it is taken to be as large as the present residual along
+the trace. What is sought is the least c that passes the tests of the search.
 """
 
 from __future__ import annotations
@@ -60,13 +61,15 @@ class Needs:
 
     Attributes:
         held_out: least drop of the squared residual of the held-out recordings; of the fitted ones any drop suffices.
-        level: least standard score of the signed ranks of the drops over the blocks of all recordings.
+        score: least standard score of the signed ranks of the drops over the blocks of all recordings; over those of
+            the held-out ones alone it is the score of the level `RULES.level`.
         loss: squared residual of the held-out recordings that is unrelated to the effect. A drop of at least the share
-            `RULES.large` of the whole needs only the levels `level` and `held_out_large`.
+            `RULES.large` of the whole needs only the score of `RULES.level` over the blocks of all recordings, and
+            `RULES.held_out_large` over those of the held-out ones.
     """
 
     held_out: float
-    level: float
+    score: float
     loss: float
 
 
@@ -80,24 +83,23 @@ def least_coefficient(fitted: Trace, held_out: Trace, needs: Needs) -> float:
         needs: what the search requires.
     """
     # standard errors from null to the estimate, so that with `power` the 95 % interval excludes null
-    ends = Z + float(stats.norm.ppf(RULES.power))
-    totals = ((fitted, 0.0), (held_out, needs.held_out))
-    least = max(np.sqrt(_surely(t, drop) / max(t.square.sum(), 1e-300)) for t, drop in totals)
-    least = max(least, ends * fitted.error / np.sqrt(max(fitted.alone, 1e-300)), REACH[0])
-    return _least_that(_ranks(fitted, held_out, needs), float(least))
+    from_null = Z + float(stats.norm.ppf(RULES.power))
+    excludes_null = float(from_null * fitted.error / np.sqrt(max(fitted.alone, 1e-300)))
+    least = max(_least_that_lowers(fitted, 0.0), _least_that_lowers(held_out, needs.held_out), excludes_null, REACH[0])
+    return _least_that(_ranks(fitted, held_out, needs), least)
 
 
-def least_alone(trace: Trace, drop: float, level: float) -> float:
+def least_alone(trace: Trace, drop: float, score: float) -> float:
     """Return the least multiple of the trial size as `least_coefficient` does, if held-out recordings alone decide.
 
     Args:
         trace: trace of the parameter in these.
         drop: least drop of their squared residual.
-        level: least standard score of the signed ranks of the drops over their blocks.
+        score: least standard score of the signed ranks of the drops over their blocks.
     """
-    least = max(float(np.sqrt(_surely(trace, drop) / max(trace.square.sum(), 1e-300))), REACH[0])
+    least = max(_least_that_lowers(trace, drop), REACH[0])
     errors = _errors(trace, np.random.default_rng(0))
-    return _least_that(lambda times: _passes(_gains(trace, times, errors), level), least)
+    return _least_that(lambda times: _passes(_gains(trace, times, errors), score), least)
 
 
 def _least_that(passes: Callable[[float], bool], least: float) -> float:
@@ -155,13 +157,14 @@ def distance(placed: EffectInstance, key: str, times: float) -> float:
     return float(times * abs(value - param.null))
 
 
-def _surely(trace: Trace, drop: float) -> float:
-    """Return the squared norm of a trace that lowers the squared residual by `drop` with probability `RULES.power`.
+def _least_that_lowers(trace: Trace, drop: float) -> float:
+    """Return the multiple at which a trace lowers the squared residual by `drop` with probability `RULES.power`.
 
-    Of `trace` only the error along it is used.
+    It is the c with c^2 d^2 - 2 c d e = drop, for the norm d of the whole trace and the error e that is exceeded with
+    probability 1 - `RULES.power`.
     """
     error = float(stats.norm.ppf(RULES.power)) * trace.error
-    return float((error + np.sqrt(error**2 + drop)) ** 2)
+    return float((error + np.sqrt(error**2 + drop)) / np.sqrt(max(trace.square.sum(), 1e-300)))
 
 
 def _ranks(fitted: Trace, held_out: Trace, needs: Needs) -> Callable[[float], bool]:
@@ -171,11 +174,13 @@ def _ranks(fitted: Trace, held_out: Trace, needs: Needs) -> Callable[[float], bo
 
     def passes(times: float) -> bool:
         large = times**2 * held_out.square.sum() >= RULES.large * (needs.loss + times**2 * held_out.square.sum())
-        level = stats.norm.isf(RULES.level) if large else needs.level
+        of_level = float(stats.norm.isf(RULES.level))
         gains = _gains(held_out, times, held_errors)
-        if not _passes(gains, RULES.held_out_large if large else stats.norm.isf(RULES.level)):
+        if not _passes(gains, RULES.held_out_large if large else of_level):
             return False
-        return _passes(np.concatenate([gains, _gains(fitted, times, errors)], axis=1), level)
+        return _passes(
+            np.concatenate([gains, _gains(fitted, times, errors)], axis=1), of_level if large else needs.score
+        )
 
     return passes
 
@@ -190,8 +195,8 @@ def _gains(trace: Trace, times: float, errors: np.ndarray) -> np.ndarray:
     return times**2 * trace.square + 2.0 * times * errors
 
 
-def _passes(gains: np.ndarray, level: float) -> bool:
-    """Return whether the standard score of the signed ranks of gains (DRAWS, nblock) reaches `level`.
+def _passes(gains: np.ndarray, score: float) -> bool:
+    """Return whether the standard score of the signed ranks of gains (DRAWS, nblock) reaches `score`.
 
     It must do so in a share `RULES.power` of the draws. Without blocks it does not.
     """
@@ -201,4 +206,4 @@ def _passes(gains: np.ndarray, level: float) -> bool:
     positive = np.take_along_axis(gains > 0, np.argsort(np.abs(gains), axis=1), axis=1)
     total = positive @ np.arange(1.0, n + 1)
     scores = (total - n * (n + 1) / 4) / np.sqrt(n * (n + 1) * (2 * n + 1) / 24)
-    return float(np.quantile(scores, 1.0 - RULES.power)) >= level
+    return float(np.quantile(scores, 1.0 - RULES.power)) >= score

@@ -3,9 +3,10 @@
 Library effects are constant. Friction that falls as a gear warms up, or that exists at one angle only, is not in the
 library, and a constant one fits a part of it. So in the linear model of the fit the magnitudes of each joint's effect
 may take other values in each quarter of a recording, or in each quartile of the joint's angles, with all other
-parameters free. If that removes a visible share of the error left in the joint's own channels, and the values differ
-much, the effect is not named. Improvement in other joints does not count, because under torque control an error in one
-joint moves all. Source: Chow, Econometrica 28(3), 1960 (coefficients of parts against those of the whole).
+parameters free. The effect is not named if that removes at least the share `RULES.parts_remove` of the squared error
+above noise in the joint's own channels, and the values of the parts differ by at least the share `RULES.parts_apart` of
+the constant fit's. Improvement in other joints does not count, because under torque control an error in one joint moves
+all. Source: Chow, Econometrica 28(3), 1960 (coefficients of parts against those of the whole).
 
 A magnitude is a parameter whose null, a value such as 0, removes the effect.
 """
@@ -34,7 +35,8 @@ class Change:
         label: of the effect.
         over: `time` or `position`.
         parts: (nparts,) distance of its first magnitude from null in each part, over that of the constant fit.
-        share: share of the squared error left in its joint that such values remove there.
+        share: squared error that values of the parts remove in its joint's channels, over that above noise there; over
+            1 if they fit noise too.
     """
 
     label: str
@@ -75,7 +77,7 @@ def changes(items: Sequence[Item], fit: Fit, n_fixed: int, excess: Mapping[str, 
                 if drop >= RULES.parts_remove * excess[joint] and np.ptp(parts) >= RULES.parts_apart:
                     label = fit.world.effects[k].label
                     out.append(Change(label, over, tuple(parts.tolist()), drop / excess[joint]))
-                    break
+                    break  # one way of changing is enough, and time is said first
     return out
 
 
