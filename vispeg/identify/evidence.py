@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -167,6 +168,16 @@ class Evidence(Freedom):
         if count == 1:
             return self._rolled_out(worlds, self.nthread)
         return shared(lambda part: self._rolled_out(part, 1), worlds, [i.measured.shape for i in self.items], count)
+
+    def coarser(self) -> Self:
+        """Return this evidence simulated with physics steps twice as long, for differences between worlds."""
+        out = copy(self)
+        out.h_max, out._recent = 2.0 * self.h_max, []
+        return out
+
+    def steps(self, world: World) -> list[float]:
+        """Return the physics steps, s, at which a world is rolled out, one for each of the `groups`."""
+        return [self.step_of(self.items[group[0]].segment.control.mode, world) for group in self.groups]
 
     def step_of(self, mode: str, *worlds: World) -> float:
         """Return the greatest physics step, s, at which these worlds are rolled out together under a control mode."""

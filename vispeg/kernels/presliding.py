@@ -2,7 +2,38 @@
 
 from __future__ import annotations
 
-from vispeg.kernels.compiled import NUMBER, VECTOR, compiled, to
+from vispeg.kernels.compiled import BLOCKS, NUMBER, ROWS, VECTOR, compiled, inner, to
+
+
+@inner
+def slipped(stretch, most):
+    """Return the stretch of an element that slips at the stretch `most`."""
+    return most if stretch > most else -most if stretch < -most else stretch
+
+
+@compiled(to(BLOCKS), ROWS, ROWS, ROWS, VECTOR, to(ROWS))
+def pulled(anchors, q, stiffness, level, yields, out):
+    """Write the torque (n, nj) N m of elements at `q` (n, nj) rad, and move the `anchors` (n, nj, k) of those that slip.
+
+    Element i slips at the torque `level * yields[i]`, and all together have `stiffness`, both (n, nj).
+
+    Raises:
+        ValueError: the arrays differ in shape.
+    """
+    n, nj, count = anchors.shape
+    for shape in (q.shape, stiffness.shape, level.shape, out.shape):
+        if shape != (n, nj):
+            raise ValueError("the joints' values differ in shape")
+    if len(yields) != count:
+        raise ValueError("each element needs its yield")
+    for r in range(n):
+        for j in range(nj):
+            reach, total = level[r, j] / stiffness[r, j], 0.0
+            for i in range(count):
+                stretch = slipped(q[r, j] - anchors[r, j, i], reach * yields[i])
+                anchors[r, j, i] = q[r, j] - stretch
+                total += stretch
+            out[r, j] = -stiffness[r, j] * total / count
 
 
 @compiled(VECTOR, NUMBER, VECTOR, to(VECTOR))
@@ -16,10 +47,7 @@ def stretched(path, reach, yields, out):
     for share in yields:
         most, anchor = reach * share, path[0]  # stretch at which the element slips, place where it is slack
         for k in range(len(path)):
-            stretch = path[k] - anchor
-            if stretch > most:
-                stretch, anchor = most, path[k] - most
-            elif stretch < -most:
-                stretch, anchor = -most, path[k] + most
+            stretch = slipped(path[k] - anchor, most)
+            anchor = path[k] - stretch
             out[k] += stretch
     out /= len(yields)

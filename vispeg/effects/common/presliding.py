@@ -38,13 +38,14 @@ def pull(anchors: np.ndarray, q: np.ndarray, stiffness: np.ndarray, level: np.nd
     Args:
         anchors: (nsim, nj, 4) rad, where each element has no torque.
         q: (nsim, nj) rad.
-        stiffness: of all elements before any slips, N m/rad.
-        level: torque when all of them slip, N m.
+        stiffness: (nsim, nj) of all elements before any slips, N m/rad.
+        level: (nsim, nj) torque when all of them slip, N m.
     """
-    q, reach = q[..., None], (level / stiffness)[..., None] * YIELDS
-    stretched = np.clip(q - anchors, -reach, reach)
-    anchors[:] = q - stretched
-    return -stiffness * stretched.mean(axis=-1)
+    from vispeg.kernels.presliding import pulled
+
+    out = np.empty(q.shape)
+    pulled(anchors, q, stiffness, level, YIELDS, out)
+    return out
 
 
 def yielding(path: np.ndarray, reach: float) -> np.ndarray:

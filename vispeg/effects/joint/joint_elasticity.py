@@ -28,6 +28,9 @@ class JointElasticity(Effect):
         "motor_inertia": Param(0.0, 0.0, 5.0, "kg m2", start=0.0, shape=True, doc="rotor inertia at the link side"),
     }
 
+    def stable_step(self, p):
+        return 1e-3  # at 2 ms the change of a stiff joint's reading is off by up to half of it
+
     def start(self, x, p):
         theta = x.q + p["compliance"] * x.tau
         return {"theta": theta, "omega": x.dq.copy(), "gear": x.tau.copy(), "before": x.tau.copy()}
