@@ -137,6 +137,8 @@ def each_signature(
     error of a step is nearly the same with and without the effect, so the columns change by about 0.3 %, and that of a
     narrow Stribeck peak by up to a third. Fits use the evidence's own step.
     """
+    if not probes:
+        return
     coarse = evidence.coarser()
     usual = coarse.steps(world)
     after = coarse.each_residual([world, *(world.add(v) for probe in probes for v in probe.variants)])
