@@ -26,8 +26,9 @@ class TorqueSpeedLimit(Effect):
     }
 
     def drive(self, state, tau, x, p):
-        forward = p["stall"] * np.clip(1.0 - x.dq / p["no_load"], 0.0, 1.0)
-        backward = p["stall"] * np.clip(1.0 + x.dq / p["no_load"], 0.0, 1.0)
+        speed = (x.dq + 0.5 * x.h * x.ddq) / p["no_load"]  # in the middle of the step, over which a torque is held
+        forward = p["stall"] * np.clip(1.0 - speed, 0.0, 1.0)
+        backward = p["stall"] * np.clip(1.0 + speed, 0.0, 1.0)
         return np.where(p["stall"] < self.params["stall"].null, np.clip(tau, -backward, forward), tau)
 
     def guesses(self, look):

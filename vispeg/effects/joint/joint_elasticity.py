@@ -28,12 +28,9 @@ class JointElasticity(Effect):
         "motor_inertia": Param(0.0, 0.0, 5.0, "kg m2", start=0.0, shape=True, doc="rotor inertia at the link side"),
     }
 
-    def stable_step(self, p):
-        return 1e-3  # at 2 ms the change of a stiff joint's reading is off by up to half of it
-
     def start(self, x, p):
-        theta = x.q + p["compliance"] * x.tau
-        return {"theta": theta, "omega": x.dq.copy(), "gear": x.tau.copy(), "before": x.tau.copy()}
+        wound = p["compliance"] * x.tau
+        return {"theta": x.q + wound, "wound": wound, "omega": x.dq.copy(), "gear": x.tau.copy(), "before": x.tau.copy()}
 
     def drive(self, state, tau, x, p):
         soft, link = p["compliance"] > 0, coasting(x, state["before"])
@@ -42,14 +39,16 @@ class JointElasticity(Effect):
             state["theta"], state["omega"], tau, x, link, 0.0, compliance, p["relaxation"], inertia
         )
         state["theta"], state["omega"], state["before"] = theta, omega, state["gear"]
-        state["gear"] = np.where(soft, gear, tau)
+        state["gear"] = np.where(soft & (inertia > 0), gear, tau)
+        # without a rotor the link's motion does not matter: under a constant torque the spring relaxes
+        rest = p["compliance"] * tau
+        state["wound"] = rest + (state["wound"] - rest) * np.exp(-x.h / p["relaxation"])
         return state["gear"]
 
     def observe(self, state, q, dq, x, p):
-        soft, wound = p["compliance"] > 0, state["theta"] - x.q
-        # without a rotor, `omega` is the mean over the last step; the spring's law gives the rate at this time
-        massless = (p["compliance"] * state["gear"] - wound) / p["relaxation"]
-        rate = np.where(p["motor_inertia"] > 0, state["omega"] - x.dq, massless)
+        soft, rotor = p["compliance"] > 0, p["motor_inertia"] > 0
+        wound = np.where(rotor, state["theta"] - x.q, state["wound"])
+        rate = np.where(rotor, state["omega"] - x.dq, (p["compliance"] * state["gear"] - wound) / p["relaxation"])
         return np.where(soft, q + wound, q), np.where(soft, dq + rate, dq)
 
     def guesses(self, look):
