@@ -13,9 +13,9 @@ def slipped(stretch, most):
 
 @compiled(to(BLOCKS), ROWS, ROWS, ROWS, VECTOR, to(ROWS))
 def pulled(anchors, q, stiffness, level, yields, out):
-    """Write the torque (n, nj) N m of elements at `q` (n, nj) rad, and move the `anchors` (n, nj, k) of those that slip.
+    """Write the torque (n, nj) N m of elements at `q` (n, nj) rad, and move the anchors of those that slip.
 
-    Element i slips at the torque `level * yields[i]`, and all together have `stiffness`, both (n, nj).
+    The `anchors` (n, nj, k) rad are where the elements have no torque. Element i slips at the torque `level * yields[i]`, and all together have `stiffness`, both (n, nj).
 
     Raises:
         ValueError: the arrays differ in shape.

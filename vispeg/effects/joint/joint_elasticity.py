@@ -29,8 +29,8 @@ class JointElasticity(Effect):
     }
 
     def start(self, x, p):
-        wound = p["compliance"] * x.tau
-        return {"theta": x.q + wound, "wound": wound, "omega": x.dq.copy(), "gear": x.tau.copy(), "before": x.tau.copy()}
+        wound, tau = p["compliance"] * x.tau, x.tau.copy()
+        return {"theta": x.q + wound, "wound": wound, "omega": x.dq.copy(), "gear": tau, "before": tau}
 
     def drive(self, state, tau, x, p):
         soft, link = p["compliance"] > 0, coasting(x, state["before"])
