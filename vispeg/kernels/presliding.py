@@ -15,7 +15,8 @@ def slipped(stretch, most):
 def pulled(anchors, q, stiffness, level, yields, out):
     """Write the torque (n, nj) N m of elements at `q` (n, nj) rad, and move the anchors of those that slip.
 
-    The `anchors` (n, nj, k) rad are where the elements have no torque. Element i slips at the torque `level * yields[i]`, and all together have `stiffness`, both (n, nj).
+    The `anchors` (n, nj, k) rad are where the elements have no torque. Element i slips at the torque `level *
+    yields[i]`, and all together have the `stiffness`, both (n, nj).
 
     Raises:
         ValueError: the arrays differ in shape.
