@@ -251,4 +251,7 @@ def test_every_kind_of_effect_is_found_from_half_more_on_and_not_at_two_fifths(t
         for times, named in ((0.4, []), (1.5, [(name, where)])):
             hidden = EffectInstance.of(name, where, **{parameter: null + times * (ends[1] - null)})
             record = found(moved(tmp_path, hidden, seed=9))
-            assert [(e["effect"], e["where"]) for e in record["effects"]] == named, (name, times)
+            # a lag of 0.2 ms and a delay of 0.2 ms are the same to first order
+            alike = [[e, *e.get("indistinguishable_from", [])] for e in record["effects"]]
+            told = [group for group in alike if (name, where) in [(e["effect"], e["where"]) for e in group]]
+            assert len(told) == len(alike) == len(named), (name, times, alike)

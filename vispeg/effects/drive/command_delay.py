@@ -20,7 +20,7 @@ class CommandDelay(Effect):
     commanded = True
     order = 10
     shared = True
-    params = {"delay": Param(0.0, 0.0, 0.03, "s", start=0.004, doc="dead time")}
+    params = {"delay": Param(0.0, 0.0, 0.03, "s", start=0.001, doc="dead time")}
 
     def start(self, x, p):
         return DelayLine(x.h, p["delay"].max(initial=0.0))

@@ -18,7 +18,7 @@ class SensorDelay(Effect):
     family = "sensor"
     order = 90
     shared = True
-    params = {"delay": Param(0.0, 0.0, 0.03, "s", start=0.004, doc="age of a reading")}
+    params = {"delay": Param(0.0, 0.0, 0.03, "s", start=0.001, doc="age of a reading")}
 
     def start(self, x, p):
         longest = p["delay"].max(initial=0.0)
