@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from loops import ARM, drive, recorded
+from loops import ARM, drive, iiwa_segment, recorded
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.evidence.localise import joint_data, missing_torque
-from vispeg.diagnosis.evidence.screen import candidates
+from vispeg.diagnosis.evidence.screen import candidates, screen
 from vispeg.diagnosis.evidence.signatures import probes, signatures
 from vispeg.identify.evidence import Evidence
 from vispeg.robots.model import load
@@ -49,3 +49,25 @@ def test_a_signature_is_the_difference_of_worlds_at_the_evidence_s_own_step(evid
 
 def _values(probe):
     return {name: value.value for name, value in probe.placed.params.items()}
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        EffectInstance.of("joint_elasticity", "joint5", compliance=7e-4, motor_inertia=0.014),
+        EffectInstance.of("backlash", "joint5", gap=2e-3, motor_inertia=0.014),
+    ],
+    ids=lambda e: e.effect,
+)
+def test_a_rotor_behind_a_gear_is_guessed_from_the_missing_torque_and_its_signature_explains_the_error(hidden):
+    """A rotor of 0.2 kg m^2 in a wrist of 0.03 would move the arm so far that its signature is not linear."""
+    robot, segment = load("iiwa14"), iiwa_segment(seconds=2.0)
+    evidence = Evidence([recorded(robot, "iiwa14", World().add(hidden), segment, stream(8, 2))])
+    (residual,) = evidence.residuals([World()])
+    missing = [missing_torque(i, y[0]) for i, y in zip(evidence.items, evidence.simulated([World()]), strict=True)]
+    asked = probes([(hidden.effect, hidden.where)], evidence.items[0], joint_data(missing, evidence.items))
+    guessed = [p.placed.params["motor_inertia"].value for p in asked]
+    assert min(abs(g / 0.014 - 1.0) for g in guessed) < 0.25, guessed
+    taken = signatures(evidence, World(), residual, asked)
+    best = screen(taken, residual, None, [(hidden.effect, hidden.where)])[0]
+    assert best.gain > 0.95 * (residual @ residual)

@@ -39,6 +39,19 @@ class JointData:
     excess: np.ndarray
     raw: np.ndarray
 
+    @property
+    def inertia(self) -> float:
+        """Inertia, kg m^2, that would take about as much torque as is missing: an effect with more of it is unlikely.
+
+        Far above it, as 0.4 kg m^2 in a wrist of 0.01, a rotor moves the arm by so much that no signature is linear.
+        """
+        return max(nine_tenths(self.excess), 1e-3) / max(nine_tenths(self.ddq), 1e-3)
+
+
+def nine_tenths(values: np.ndarray) -> float:
+    """Return the magnitude that nine in ten values do not exceed."""
+    return float(np.quantile(np.abs(values), 0.9))
+
 
 @dataclass(frozen=True)
 class MissingTorque:

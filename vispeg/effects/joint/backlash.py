@@ -78,4 +78,6 @@ class Backlash(Effect):
         return np.where(loose, q + (state["theta"] - x.q), q), np.where(loose, dq + (state["omega"] - x.dq), dq)
 
     def guesses(self, look):
-        return [{"gap": g, "motor_inertia": i} for g in (3e-4, 1.5e-3) for i in (0.06, 0.4)]
+        inertia = self.params["motor_inertia"]
+        rotors = {float(np.clip(k * look.inertia, inertia.low, inertia.high)) for k in (0.25, 1.0)}
+        return [{"gap": g, "motor_inertia": i} for g in (3e-4, 1.5e-3) for i in sorted(rotors)]

@@ -52,4 +52,7 @@ class JointElasticity(Effect):
         return np.where(soft, q + wound, q), np.where(soft, dq + rate, dq)
 
     def guesses(self, look):
-        return [{"compliance": 5e-5}, {"compliance": 5e-5, "motor_inertia": 0.2}]
+        return [
+            {"compliance": 5e-5},
+            {"compliance": 5e-5, "motor_inertia": min(look.inertia, self.params["motor_inertia"].high)},
+        ]
