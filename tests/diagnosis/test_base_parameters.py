@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from loops import ARM
 
-from vispeg.core.effect import EffectInstance
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.conclusion.verdict import decide
 from vispeg.diagnosis.evidence.base_parameters import base_parameters, columns
+from vispeg.diagnosis.evidence.signatures import Probe, signatures
 from vispeg.identify.inverse import TorqueEvidence
 from vispeg.recordings.recording import Control, Recording
 from vispeg.worlds.world import World
@@ -71,3 +72,12 @@ def test_a_model_must_come_near_what_least_squares_leaves():
     assert decide(1000.0, 20.0, 3, [], [], mark=10.0).verdict == "unexplained"
     assert decide(1000.0, 10.0 * RULES.inertial, 3, [], [], mark=10.0).verdict == "identified"
     assert "leaves 3.2 ×" in decide(1000.0, 20.0, 3, [], [], mark=10.0).reason
+
+
+def test_signatures_of_torques_are_the_differences_of_worlds_since_nothing_is_integrated(evidence):
+    fitted, _ = evidence
+    (before,) = fitted.residuals([World()])
+    alone = [Probe(e, tuple(effect(e.effect).magnitudes[:1]), ()) for e in REAL.effects]
+    for probe, signature in zip(alone, signatures(fitted, World(), before, alone), strict=True):
+        (after,) = fitted.residuals([World().add(probe.variants[0])])
+        np.testing.assert_allclose(signature.columns[:, 0], (before - after).astype(np.float32))
