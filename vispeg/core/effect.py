@@ -247,9 +247,10 @@ class Effect(ABC):
         """Return parameter values, estimated from data, from which a search may start; [] if data rule the effect out.
 
         Args:
-            look: data of the joint on which the effect acts, None for other places. All are (n,): measured angle `q`
-                and velocity `dq`, commanded motor torque `tau`, torque `needed` by the nominal arm for the motion,
-                torque `excess` that the present model lacks, N m, and the unsmoothed angle `raw`.
+            look: data of the joint on which the effect acts, None for other places. All are (n,): measured angle `q`,
+                velocity `dq` and acceleration `ddq`, commanded motor torque `tau`, torque `needed` by the nominal arm
+                for the motion, torque `excess` that the present model lacks, N m, and the unsmoothed angle `raw`.
+                `inertia` is a number: kg m^2 that would take as much torque as is missing.
         """
         return [{}]
 

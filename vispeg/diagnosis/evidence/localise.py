@@ -40,15 +40,24 @@ class JointData:
     raw: np.ndarray
 
     @property
+    def missing(self) -> float:
+        """Magnitude, N m, that nine in ten values of the missing torque do not exceed; at least 1 mN m."""
+        return max(_nine_tenths(self.excess), 1e-3)
+
+    @property
     def inertia(self) -> float:
-        """Inertia, kg m^2, that would take about as much torque as is missing: an effect with more of it is unlikely.
+        """Inertia, kg m^2, that takes as much torque as is missing.
 
         Far above it, as 0.4 kg m^2 in a wrist of 0.01, a rotor moves the arm by so much that no signature is linear.
         """
-        return max(nine_tenths(self.excess), 1e-3) / max(nine_tenths(self.ddq), 1e-3)
+        return self.per(self.ddq)
+
+    def per(self, signal: np.ndarray) -> float:
+        """Return the missing torque over a signal (n,) that makes it: N m per unit of the signal."""
+        return self.missing / max(_nine_tenths(signal), 1e-3)
 
 
-def nine_tenths(values: np.ndarray) -> float:
+def _nine_tenths(values: np.ndarray) -> float:
     """Return the magnitude that nine in ten values do not exceed."""
     return float(np.quantile(np.abs(values), 0.9))
 

@@ -15,7 +15,7 @@ import numpy as np
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.params import Param
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.evidence.localise import JointData, nine_tenths
+from vispeg.diagnosis.evidence.localise import JointData
 from vispeg.identify.channels import Item
 from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
@@ -185,10 +185,8 @@ def _largest(data: JointData) -> dict[str, float]:
     A typical value may be far too large: half a newton metre of friction, or a tenth of a kg m2 of rotor inertia, would
     stop a wrist, and that far from null no signature is linear.
     """
-    missing = max(nine_tenths(data.excess), 1e-3)
-    moved = {"N m s/rad": data.dq, "N m/rad": data.q - np.median(data.q)}
-    per = {unit: missing / max(nine_tenths(v), 1e-3) for unit, v in moved.items()}
-    return {"N m": missing, "kg m2": data.inertia} | per
+    stretch = data.q - np.median(data.q)
+    return {"N m": data.missing, "N m s/rad": data.per(data.dq), "kg m2": data.inertia, "N m/rad": data.per(stretch)}
 
 
 def at_bound(placed: EffectInstance) -> bool:

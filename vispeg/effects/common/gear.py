@@ -7,8 +7,6 @@ contains the link's response to the gear torque.
 
 from __future__ import annotations
 
-import numpy as np
-
 # weight of the step's end in the spring's mean stretch: 0.5 would be of second order, a little more damps oscillations
 # that the step does not resolve
 WEIGHT = 0.55
@@ -42,7 +40,7 @@ def motor_step(theta, omega, tau, x, link, offset, compliance, relaxation, inert
         offset: stretch at which the spring is slack, rad (half of a free play, with the side's sign).
         compliance: rad/(N m), above 0.
         relaxation: time constant of the gear's damping, s.
-        inertia: of the motor, reflected to the link, kg m^2; may be 0.
+        inertia: of the motor, reflected to the link, kg m^2, above 0; the results at 0 are finite and mean nothing.
 
     Returns:
         the new angle and velocity, and the gear torque s on the link, N m.
@@ -55,7 +53,7 @@ def motor_step(theta, omega, tau, x, link, offset, compliance, relaxation, inert
     rate = (compliance * tau - (1.0 + ratio) * delta - momentum * (link - omega)) / (momentum + lag * (1.0 + ratio))
     gear = (delta + lag * rate) / compliance
     mean = rate + link + 0.5 * x.h * gear / x.inertia  # mean motor velocity over the step
-    return theta + x.h * mean, np.where(inertia > 0, 2.0 * mean - omega, mean), gear
+    return theta + x.h * mean, 2.0 * mean - omega, gear
 
 
 def free_step(theta, omega, tau, x, inertia):

@@ -20,6 +20,7 @@ class CommandDelay(Effect):
     commanded = True
     order = 10
     shared = True
+    # a search tries `start`: 4 ms make a light joint under a stiff loop unstable, so that its signature says nothing
     params = {"delay": Param(0.0, 0.0, 0.03, "s", start=0.001, doc="dead time")}
 
     def start(self, x, p):

@@ -18,6 +18,7 @@ class SensorDelay(Effect):
     family = "sensor"
     order = 90
     shared = True
+    # a search tries `start`: 4 ms make a light joint under a stiff loop unstable, so that its signature says nothing
     params = {"delay": Param(0.0, 0.0, 0.03, "s", start=0.001, doc="age of a reading")}
 
     def start(self, x, p):
