@@ -1,59 +1,111 @@
-"""The motor side of a gear: one implicit step of a rotor coupled to the link by a spring and damper.
+"""The motor side of a gear: one step of a rotor coupled to the link by a spring and damper.
 
 The effects `joint_elasticity` and `backlash` use it. MuJoCo's own mechanism is a second coaxial hinge, which changes
-the structure of the model and needs a step far below 1 ms on a light wrist. This step is stable there, because it
-contains the link's response to the gear torque.
+the structure of the model and needs a step far below 1 ms on a light wrist or rotor. This step solves the equations of
+both sides exactly, so that it is stable and accurate however fast the rotor swings against the link.
 """
 
 from __future__ import annotations
 
-# weight of the step's end in the spring's mean stretch: 0.5 would be of second order, a little more damps oscillations
-# that the step does not resolve
-WEIGHT = 0.55
+import numpy as np
+
+STEP = 1e-3  # s: at 2 ms a light link that swings on a heavy rotor, hardly damped, is unstable (iiwa14, joints 3 to 7)
 
 
-def coasting(x, before):
-    """Predict the link's mean velocity over the coming step if the gear transmits nothing in it, (nsim, nj) rad/s.
+def coasting(x, last, before):
+    """Predict the link's motion over the coming step if the gear transmits nothing in it.
 
-    `Plant` is a leapfrog: the velocity in the middle of a step is that in the middle of the last one, plus the mean of
-    the two steps' torques over the inertia. So `x.ddq` contains the gear's last two torques, and of those without which
-    the link would coast, the last still acts for half a step and cancels; the one before it remains. With the last in
-    its place the step lags its own torque, and light links under stiff teeth become unstable (1 ms, iiwa14's wrist).
+    `Plant` is a leapfrog: a step's acceleration is the mean of its torque's and the last one's. So `x.ddq` contains
+    the gear's last two torques, and `x.dq` half of each over half a step, where the link has felt the last alone.
 
     Args:
         x: the state of the batch.
-        before: (nsim, nj) N m, this gear's torque in the last step but one.
-    """
-    return x.dq + 0.5 * x.h * (x.ddq - before / x.inertia)
-
-
-def motor_step(theta, omega, tau, x, link, offset, compliance, relaxation, inertia):
-    """Advance the rotor by a step: `J d(omega)/dt = tau - s`, `s = (delta + relaxation d(delta)/dt) / compliance`.
-
-    `delta = theta - q - offset` is the stretch. All arrays are (nsim, nj).
-
-    Args:
-        theta, omega: motor angle and velocity divided by the gear ratio, rad and rad/s.
-        tau: motor torque, N m.
-        x: the state of the batch.
-        link: the link's mean velocity over the step without this gear's torque, see `coasting`, rad/s.
-        offset: stretch at which the spring is slack, rad (half of a free play, with the side's sign).
-        compliance: rad/(N m), above 0.
-        relaxation: time constant of the gear's damping, s.
-        inertia: of the motor, reflected to the link, kg m^2, above 0; the results at 0 are finite and mean nothing.
+        last, before: (nsim, nj) N m, this gear's torque in the last step and in the one before.
 
     Returns:
-        the new angle and velocity, and the gear torque s on the link, N m.
+        the velocity at the start of the step, rad/s, and the acceleration, rad/s^2, both (nsim, nj).
     """
-    ratio = inertia / x.inertia
-    lag = WEIGHT * x.h + relaxation
-    delta = theta - x.q - offset
-    momentum = 2.0 * inertia * compliance / x.h
-    # mean rate of the stretch, from the rotor's equation over the step: 2 J (mean - omega) / h = tau - gear
-    rate = (compliance * tau - (1.0 + ratio) * delta - momentum * (link - omega)) / (momentum + lag * (1.0 + ratio))
-    gear = (delta + lag * rate) / compliance
-    mean = rate + link + 0.5 * x.h * gear / x.inertia  # mean motor velocity over the step
-    return theta + x.h * mean, 2.0 * mean - omega, gear
+    return x.dq + 0.25 * x.h * (last - before) / x.inertia, x.ddq - 0.5 * (last + before) / x.inertia
+
+
+def coupled(x, compliance, relaxation, inertia):
+    """Return what `motor_step` and `followed` need of a gear, for a state that they keep: its constants.
+
+    Args:
+        x: the state of the batch at the start; its `h` and `inertia` stay.
+        compliance: rad/(N m), above 0.
+        relaxation: time constant of the gear's damping, s.
+        inertia: of the motor, reflected to the link, kg m^2, above 0.
+
+    Returns:
+        the motor's inertia; `_decay` of motor and link; and by what angle, and velocity (1/s), the motor alone follows
+        a link that goes 1 rad farther in a step, under constant acceleration. All are (nsim, nj).
+    """
+    inertia = inertia + np.zeros_like(x.q)
+    both = _decay(x.h, inertia * x.inertia / (inertia + x.inertia), compliance, relaxation)
+    kept, moved, _, _, stiffness = _decay(x.h, inertia, compliance, relaxation)
+    acceleration = 2.0 / x.h**2
+    return inertia, both, (1.0 - acceleration * (1.0 - kept) / stiffness, acceleration * (x.h - moved))
+
+
+def _decay(h, inertia, compliance, relaxation):
+    """Return the free motion of `inertia u' + (delta + relaxation u) / compliance = 0`, `delta' = u`, after h seconds.
+
+    Returns:
+        `delta` from 1 and from `u` = 1, `u` from `delta` = 1 and from 1, and 1 / (inertia compliance), (nsim, nj) each.
+    """
+    stiffness = 1.0 / (inertia * compliance)
+    damping = 0.5 * relaxation * stiffness
+    swing = np.sqrt(damping**2 - stiffness + 0j)
+    swing = np.where(np.abs(swing) * h > 1e-6, swing, 1e-6 / h)  # at critical damping both roots are one
+    slow, fast = -stiffness / (damping + swing), -damping - swing
+    decayed = np.exp(slow * h)
+    moved = decayed * -np.expm1(-2.0 * swing * h) / (2.0 * swing)
+    return (decayed - slow * moved).real, moved.real, (-stiffness * moved).real, (decayed + fast * moved).real, stiffness
+
+
+def followed(theta, omega, link, x, gear):
+    """Return the motor's angle and velocity after a step that the link ended at x.q, and not at `link` as expected.
+
+    The difference is due to an acceleration that `coasting` did not know of. A light rotor follows it at once, a heavy
+    one hardly. What the gear gives the rotor for it is not yet taken from the link: `motor_step` does.
+    """
+    off, (angle, velocity) = x.q - link, gear[2]
+    return theta + angle * off, omega + velocity * off
+
+
+def motor_step(theta, omega, link, tau, x, coast, offset, gear):
+    """Advance the rotor by a step: `J d(omega)/dt = tau - s`, `s = (delta + relaxation d(delta)/dt) / compliance`.
+
+    `delta = theta - q - offset` is the stretch; the link moves by `I d(dq)/dt = I a + s`. Over the step tau and a are
+    constant, so the difference of both equations is a linear oscillator, which is solved in closed form, and their sum
+    is the momentum of both. All arrays are (nsim, nj).
+
+    Args:
+        theta, omega: motor angle and velocity divided by the gear ratio as the last step left them, rad and rad/s.
+        link: the link's angle as the last step expected it, rad.
+        tau: motor torque, N m.
+        x: the state of the batch.
+        coast: the link's velocity and acceleration without this gear's torque, see `coasting`.
+        offset: stretch at which the spring is slack, rad (half of a free play, with the side's sign).
+        gear: see `coupled`.
+
+    Returns:
+        the new angle and velocity, the link's expected angle, and the gear's mean torque on the link, N m.
+    """
+    velocity, acceleration = coast
+    inertia, (kept, moved, pulled, slowed, stiffness), _ = gear
+    both = inertia + x.inertia
+    rest = (tau / inertia - acceleration) / stiffness
+    theta, turning = followed(theta, omega, link, x, gear)
+    stretch, rate = theta - x.q - offset - rest, turning - velocity
+    wound = offset + rest + stretch * kept + rate * moved
+    momentum = inertia * omega + x.inertia * velocity
+    after = momentum + x.h * (tau + x.inertia * acceleration)
+    new = (after + x.inertia * (stretch * pulled + rate * slowed)) / both
+    middle = inertia * theta + x.inertia * x.q + 0.5 * x.h * (momentum + after)
+    theta = (middle + x.inertia * wound) / both
+    return theta, new, theta - wound, tau - inertia * (new - omega) / x.h
 
 
 def free_step(theta, omega, tau, x, inertia):

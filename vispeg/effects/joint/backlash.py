@@ -12,17 +12,11 @@ import numpy as np
 
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
-from vispeg.effects.common.gear import coasting, free_step, motor_step
+from vispeg.effects.common.gear import STEP, coasting, coupled, followed, free_step, motor_step
 
 # s, damping of the teeth in contact over their stiffness. A recording hardly tells it, so it is not fitted: half or
 # double of it changes the angles of the iiwa14's joints 2 and 4 by 3 % of a gap of 0.6 mrad (RMS in 2 s).
 TOOTH_RELAXATION = 2e-3
-STEP = 1e-3  # s: at 2 ms a rotor inside the gap, under a stiff servo, becomes unstable
-# s, limits the cost to four times that of STEP. Only inertia times compliance below 1.1e-7 s^2 asks for less, 0.12 ms
-# at the corner of the bounds. There the play of the iiwa14's joints 4 and 6 is stable, and in 2 s within 1.4 gaps of
-# what it is at 0.06 ms (at 1 ms: 7 gaps).
-LEAST_STEP = 2.5e-4
-PHASE = 0.75  # rad, greatest phase per step of the rotor's oscillation against the teeth; its period is then 2 % off
 
 
 class Backlash(Effect):
@@ -44,38 +38,37 @@ class Backlash(Effect):
     }
 
     def stable_step(self, p):
-        """Return a step that resolves a light rotor against stiff teeth: `STEP`, halved as often as needed."""
-        step, most = STEP, PHASE * (p["motor_inertia"] * p["compliance"]) ** 0.5
-        while step > max(most, LEAST_STEP):
-            step /= 2
-        return step
+        return STEP
 
     def start(self, x, p):
         side = np.where(x.tau >= 0, 0.5, -0.5)
-        loose = p["gap"] > 0
+        loose, tau = p["gap"] > 0, x.tau.copy()
         theta = x.q + side * p["gap"] + loose * p["compliance"] * x.tau
-        return {"theta": theta, "omega": x.dq.copy(), "gear": x.tau.copy(), "before": x.tau.copy()}
+        motor = {"theta": theta, "omega": x.dq.copy(), "link": x.q.copy(), "touching": np.ones_like(theta, dtype=bool)}
+        gear = coupled(x, p["compliance"], TOOTH_RELAXATION, p["motor_inertia"])
+        return motor | {"gear": gear, "last": tau, "before": tau}
+
+    def _motor(self, state, x):
+        """Return the motor's angle and velocity, and the link's expected angle: inside the gap no link moves it."""
+        return state["theta"], state["omega"], np.where(state["touching"], state["link"], x.q)
 
     def drive(self, state, tau, x, p):
-        loose, inertia, half = p["gap"] > 0, p["motor_inertia"], 0.5 * p["gap"]
-        theta0, omega0 = state["theta"], state["omega"]
-        theta, omega = free_step(theta0, omega0, tau, x, inertia)
-        link = coasting(x, state["before"])
-        free_delta = theta - x.q - x.h * link  # `delta` at the end of a free step
-        offset = np.where(free_delta > half, half, -half)
-        hit_theta, hit_omega, gear = motor_step(
-            theta0, omega0, tau, x, link, offset, p["compliance"], TOOTH_RELAXATION, inertia
-        )
-        touching = (np.abs(free_delta) > half) & (gear * offset > 0)  # teeth push, they never pull
-        state["theta"] = np.where(touching, hit_theta, theta)
-        state["omega"] = np.where(touching, hit_omega, omega)
-        state["before"] = state["gear"]
-        state["gear"] = np.where(loose, np.where(touching, gear, 0.0), tau)
-        return state["gear"]
+        loose, half = p["gap"] > 0, 0.5 * p["gap"]
+        theta, omega = free_step(state["theta"], state["omega"], tau, x, p["motor_inertia"])
+        coast = velocity, acceleration = coasting(x, state["last"], state["before"])
+        link = x.q + x.h * (velocity + 0.5 * x.h * acceleration)
+        offset = np.where(theta - link > half, half, -half)
+        *held, torque = motor_step(*self._motor(state, x), tau, x, coast, offset, state["gear"])
+        touching = (np.abs(theta - link) > half) & (torque * offset > 0)  # teeth push, they never pull
+        for name, here, there in zip(("theta", "omega", "link"), held, (theta, omega, link), strict=True):
+            state[name] = np.where(touching, here, there)
+        state["touching"], state["before"] = touching, state["last"]
+        state["last"] = np.where(loose, np.where(touching, torque, 0.0), tau)
+        return state["last"]
 
     def observe(self, state, q, dq, x, p):
-        loose = p["gap"] > 0
-        return np.where(loose, q + (state["theta"] - x.q), q), np.where(loose, dq + (state["omega"] - x.dq), dq)
+        loose, (theta, omega) = p["gap"] > 0, followed(*self._motor(state, x), x, state["gear"])
+        return np.where(loose, q + (theta - x.q), q), np.where(loose, dq + (omega - x.dq), dq)
 
     def guesses(self, look):
         inertia = self.params["motor_inertia"]

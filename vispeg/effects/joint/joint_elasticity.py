@@ -12,7 +12,7 @@ import numpy as np
 
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
-from vispeg.effects.common.gear import coasting, motor_step
+from vispeg.effects.common.gear import STEP, coasting, coupled, followed, motor_step
 
 
 class JointElasticity(Effect):
@@ -29,30 +29,31 @@ class JointElasticity(Effect):
     }
 
     def stable_step(self, p):
-        # a rotor needs the link's motion in the coming step, and at 2 ms that of a light one is off by a third
-        return 1e-3 if p["motor_inertia"] > 0 else float("inf")
+        return STEP if p["motor_inertia"] > 0 else float("inf")
 
     def start(self, x, p):
+        # what stands for a compliance or an inertia of 0 is used for nothing
+        compliance, inertia = (np.where(p[k] > 0, p[k], 1.0) for k in ("compliance", "motor_inertia"))
         wound, tau = p["compliance"] * x.tau, x.tau.copy()
-        return {"theta": x.q + wound, "wound": wound, "omega": x.dq.copy(), "gear": tau, "before": tau}
+        motor = {"theta": x.q + wound, "omega": x.dq.copy(), "link": x.q.copy(), "wound": wound}
+        return motor | {"gear": coupled(x, compliance, p["relaxation"], inertia), "last": tau, "before": tau}
 
     def drive(self, state, tau, x, p):
-        soft, link = p["compliance"] > 0, coasting(x, state["before"])
-        compliance, inertia = np.where(soft, p["compliance"], 1.0), p["motor_inertia"]
-        theta, omega, gear = motor_step(
-            state["theta"], state["omega"], tau, x, link, 0.0, compliance, p["relaxation"], inertia
-        )
-        state["theta"], state["omega"], state["before"] = theta, omega, state["gear"]
-        state["gear"] = np.where(soft & (inertia > 0), gear, tau)
+        soft, rotor = p["compliance"] > 0, p["motor_inertia"] > 0
+        motor, coast = (state["theta"], state["omega"], state["link"]), coasting(x, state["last"], state["before"])
+        *motor, torque = motor_step(*motor, tau, x, coast, 0.0, state["gear"])
+        state["theta"], state["omega"], state["link"] = motor
+        state["before"], state["last"] = state["last"], np.where(soft & rotor, torque, tau)
         # without a rotor the link's motion does not matter: under a constant torque the spring relaxes
         rest = p["compliance"] * tau
         state["wound"] = rest + (state["wound"] - rest) * np.exp(-x.h / p["relaxation"])
-        return state["gear"]
+        return state["last"]
 
     def observe(self, state, q, dq, x, p):
         soft, rotor = p["compliance"] > 0, p["motor_inertia"] > 0
-        wound = np.where(rotor, state["theta"] - x.q, state["wound"])
-        rate = np.where(rotor, state["omega"] - x.dq, (p["compliance"] * state["gear"] - wound) / p["relaxation"])
+        theta, omega = followed(state["theta"], state["omega"], state["link"], x, state["gear"])
+        wound = np.where(rotor, theta - x.q, state["wound"])
+        rate = np.where(rotor, omega - x.dq, (p["compliance"] * state["last"] - wound) / p["relaxation"])
         return np.where(soft, q + wound, q), np.where(soft, dq + rate, dq)
 
     def guesses(self, look):
