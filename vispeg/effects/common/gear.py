@@ -61,7 +61,13 @@ def _decay(h, inertia, compliance, relaxation):
     slow, fast = -stiffness / (damping + swing), -damping - swing
     decayed = np.exp(slow * h)
     moved = decayed * -np.expm1(-2.0 * swing * h) / (2.0 * swing)
-    return (decayed - slow * moved).real, moved.real, (-stiffness * moved).real, (decayed + fast * moved).real, stiffness
+    return (
+        (decayed - slow * moved).real,
+        moved.real,
+        (-stiffness * moved).real,
+        (decayed + fast * moved).real,
+        stiffness,
+    )
 
 
 def followed(theta, omega, link, x, gear):
