@@ -240,6 +240,7 @@ def test_an_onnx_file_plays_what_the_network_in_it_plays(tmp_path, capsys, monke
     (tmp_path / "trial-0001" / FILE).write_text(yaml.safe_dump({"format": NAME, **tried.model_dump(exclude_none=True)}))
     lost = vispeg.gap({"mine": "other.onnx"}, "nominal", episodes=1, controls="none", measured=tmp_path / "trial-0001")
     assert {(row["policy"], row["world"]) for row in lost.record["success"]} == {("mine", "nominal"), ("mine", "robot")}
+    assert "trial-0001 holds trials of the task mine, not of peg" in lost.record["notes"]
     (tmp_path / "broken.onnx").write_bytes(b"no model")
     assert main(["evaluate", "broken.onnx", "--world", "nominal", "--out", "o"]) == 2
     assert "broken.onnx: is not an ONNX model" in capsys.readouterr().err and not (tmp_path / "o").exists()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -34,6 +34,7 @@ from vispeg.evaluation.runner import check_stored, made_with, names_of, take_in
 from vispeg.report.gap import words
 from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
+from vispeg.task.registry import config_of
 from vispeg.task.world_file import WorldFile, load_world
 
 WORLDS = ("S", "V", "N", "P", "VNP")
@@ -136,7 +137,6 @@ def gap(
     networks = [*((e.name, e.train_seed) for e in who), *((e.policy, e.train_seed) for e in stored_before)]
     digests = {e.exported: (e.name, e.train_seed) for e in who if e.exported}
     digests |= {e.digest: (e.name, e.train_seed) for e in who}
-    trials = _measured(measured, networks, robot, digests)
     read: list[str | Path | None] = [*files, measured, *folders(who)]
     chosen = None
     if who:
@@ -147,6 +147,8 @@ def gap(
             with TemporaryDirectory() as folder:
                 seeds = seeds_of(episodes, seed)
                 check_stored(make_jobs(who, chosen.settings(), seeds, Path(folder)), stored_before, files)
+    tasks = {config_of(file.task).name for file in chosen.files} if chosen is not None else set()
+    trials = _measured(measured, networks, robot, digests, tasks)
     names = [str(w) for w in worlds] if chosen is None else chosen.names
     if trials.episodes and robot in {*names, *(e.world for e in stored_before)}:
         raise UserError("a world has the robot's name", key="--robot", expected="another name", got=robot)
@@ -227,9 +229,10 @@ def _measured(
     networks: Sequence[tuple[str, int]],
     robot: str,
     digests: Mapping[str, tuple[str, int]],
+    tasks: Collection[str],
 ) -> Trials:
-    """Read a real robot's trials of these policies (name, training seed); empty without a source."""
+    """Read a real robot's trials of these policies (name, training seed) and tasks; empty without a source."""
     seeds: dict[str, set[int]] = {}
     for name, seed in networks:
         seeds.setdefault(name, set()).add(seed)
-    return Trials() if source is None else read_measured(Path(source), robot, seeds, digests)
+    return Trials() if source is None else read_measured(Path(source), robot, seeds, digests, tasks)

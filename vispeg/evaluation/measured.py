@@ -126,6 +126,7 @@ def read_measured(
     world: str = "robot",
     policies: Mapping[str, Collection[int]] | None = None,
     digests: Mapping[str, tuple[str, int]] | None = None,
+    tasks: Collection[str] = (),
 ) -> Trials:
     """Read a CSV (`read_csv`), or a folder of trials (`vispeg.trials.trial`).
 
@@ -137,6 +138,7 @@ def read_measured(
         path: the CSV or the folder.
         world, policies: as in `read_csv`.
         digests: digest of each known policy -> its name and training seed; a trial with one of these digests gets them.
+        tasks: names of the judged tasks; a note names others that a trial states. Empty: any.
 
     Raises:
         UserError: as `read_csv`; a folder without trials at full speed, an invalid trial, an unknown policy or training
@@ -145,13 +147,16 @@ def read_measured(
     if not Path(path).is_dir():
         return read_csv(path, world, policies)
     found: list[_Trial] = []
-    left_out, others, known, networks = 0, dict[str, None](), digests or {}, _Networks(policies)
+    left_out, known, networks = 0, digests or {}, _Networks(policies)
+    others, strange = dict[str, None](), dict[str, None]()  # policies and tasks that are not the known ones, in order
     names = {name for name, _ in known.values()}
     for folder in folders(path):
         said, file = read_said(folder), folder / FILE
         if not said.full_speed:
             left_out += 1
             continue
+        if tasks and said.task and said.task not in tasks:
+            strange[said.task] = None
         if said.policy.digest in known:
             name, train_seed = known[said.policy.digest]
         else:
@@ -181,6 +186,7 @@ def read_measured(
     place = Path(path).name
     notes = [f"{count(left_out, 'trial')} of {place} left out: shadows or slowed down"] if left_out else []
     notes += [f"{place} holds trials of another policy than the {name} that is given" for name in others]
+    notes += [f"{place} holds trials of the task {t}, not of {', '.join(sorted(tasks))}" for t in strange]
     return Trials(_numbered(found), notes + networks.notes(Path(path)))
 
 
