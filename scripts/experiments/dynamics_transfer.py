@@ -70,15 +70,17 @@ def ways(model: Path, work: Path, number: int, stack: int, ranges: str) -> dict[
 def main() -> None:
     """Identify, train, judge; write dynamics_transfer.json and .md after every plant and seed."""
     parser = arguments.parser(__doc__ or "")
-    parser.add_argument("--plants", type=int, default=1, help="hidden plants, the bundled one first")
-    parser.add_argument("--first", type=int, default=0, help="leave out so many of them, to share the work out")
+    parser.add_argument("--plants", type=int, default=1, help="hidden plants to draw, the bundled one first")
+    parser.add_argument("--first", type=int, default=0, help="plants to leave out at the start, to share the work out")
     parser.add_argument(
         "--ranges", default="full", choices=["full", "schedule", "adaptive", "gated"], help="how they open"
     )
     parser.add_argument("--ways", nargs="+", default=[*WAYS], choices=WAYS, help="of training")
     given = parser.parse_args()
     if given.first >= given.plants:
-        parser.error(f"--first {given.first} leaves none of {given.plants} plants")
+        raise UserError(
+            "no plant is left", key="--first", expected=f"less than {given.plants}", got=given.first
+        )
     work, budget = given.runs / "dynamics_transfer", arguments.budget(given)
     given.out.mkdir(parents=True, exist_ok=True)
     tables: dict[int, dict[str, Any]] = {}

@@ -70,6 +70,14 @@ def test_what_a_wrong_form_moves_values_by_in_any_direction_is_their_error():
         assert error(0, axis.name) == pytest.approx(1.96 * one_sigma * unit, rel=0.02)
 
 
+def test_what_another_effect_does_just_as_well_is_not_known():
+    """Of two effects with one trace only the sum is determined, so neither's error of form has a useful bound."""
+    world = one("coulomb_friction", "torque", 1.0, 0.95, 1.05)
+    both = replace(world, effects=(*world.effects, EffectInstance.of("joint_bias", "joint2", torque=1.0)))
+    alone = absorbed(fit_of(world, np.full((100, 1), 1.0)), 0.1)(0, "torque")
+    assert absorbed(fit_of(both, np.full((100, 2), 1.0)), 0.1)(0, "torque") > 100 * alone
+
+
 def test_a_size_alone_is_as_uncertain_as_the_share_of_the_error_that_remains():
     """Of one linear effect, both errors are the ratio of the amplitudes: what remains over what was there."""
     world = one("coulomb_friction", "torque", 0.7, 0.69, 0.71)

@@ -136,7 +136,7 @@ def test_closed_backlash_is_the_rigid_arm_with_a_heavier_motor():
     ],
 )
 def test_a_stiff_gear_is_stable_on_every_joint(name, corners):
-    """At the effect's own step; a link's coast predicted half a step late diverged on the wrist and the shoulder."""
+    """At 1 ms; a link's coast predicted half a step late diverged on the wrist and the shoulder."""
     robot, segment = load("iiwa14"), iiwa_segment("torque", 1.0, seed=1)
     worlds = [
         World().add(EffectInstance.of(name, joint, **dict(zip(corners, values, strict=True))))

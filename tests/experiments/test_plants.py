@@ -1,5 +1,9 @@
 """Hidden plants are what their number says, and comparisons over plants are Student's and Fisher's."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from identification import arm_of, identified_world
@@ -15,6 +19,14 @@ from vispeg.task.world_file import load_world
 from vispeg.worlds.distribution import Normal
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
+
+
+def test_an_experiment_that_would_leave_out_all_of_its_plants_says_so(tmp_path):
+    script = Path(__file__).parents[2] / "scripts" / "experiments" / "dynamics_transfer.py"
+    options = ["--first", "5", "--plants", "5", "--runs", tmp_path / "runs", "--out", tmp_path / "out"]
+    done = subprocess.run([sys.executable, script, *options], capture_output=True, text=True)
+    said = "first: no plant is left; expected less than 5; got 5\n"
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", said) and not any(tmp_path.iterdir())
 
 
 def test_a_plant_is_drawn_by_its_number_alone_and_hides_something_in_arm_and_cell(tmp_path):

@@ -29,6 +29,7 @@ from vispeg.worlds.world import World
 ROBUST = 1e3
 ITERATIONS = 8  # of least squares
 LAPS = 2  # iterations before which no fit is stopped for others
+FLAT = 1e-8  # eigenvalue of the scaled J'J under which a combination of coordinates is not determined
 BEHIND = 4.0  # times the excess of the best fit, from which another is far behind
 
 
@@ -259,6 +260,16 @@ def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, p
     return Fit(world, r, columns, space, u, sigma, correlation, tuple(bound), weak, converged, evidence.chi2(r))
 
 
+def inverted(info: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the inverse of J'J (n, n), and its eigenvalues (n,) and eigenvectors (n, n) on the scale of its diagonal.
+
+    In the inverse an eigenvalue is `FLAT` at least: what the evidence does not determine is very uncertain.
+    """
+    scale = np.sqrt(np.maximum(np.diag(info), 1e-12))
+    value, vector = np.linalg.eigh(info / np.outer(scale, scale))
+    return (vector / np.maximum(value, FLAT)) @ vector.T / np.outer(scale, scale), value, vector
+
+
 def _uncertainty(
     evidence: Evidence, r: np.ndarray, jac: np.ndarray, space: Space
 ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
@@ -272,10 +283,8 @@ def _uncertainty(
     """
     n = jac.shape[1]
     info = jac.T @ jac
-    scale = np.sqrt(np.maximum(np.diag(info), 1e-12))
-    value, vector = np.linalg.eigh(info / np.outer(scale, scale))
-    flat = value < 1e-8  # combinations of coordinates that the evidence does not determine
-    inverse = (vector / np.maximum(value, 1e-8)) @ vector.T / np.outer(scale, scale)
+    inverse, value, vector = inverted(info)
+    flat = value < FLAT
     blocks = evidence.blocks()
     score = np.zeros((blocks.max() + 1, n))
     np.add.at(score, blocks, jac * r[:, None])

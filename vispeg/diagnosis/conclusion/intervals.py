@@ -10,7 +10,7 @@ import numpy as np
 from vispeg.core.effect import effect
 from vispeg.core.params import Param, Value
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.fit import Fit
+from vispeg.identify.fit import Fit, inverted
 from vispeg.worlds.world import World
 
 Z = 1.96  # 95 % of a normal distribution
@@ -32,25 +32,25 @@ def absorbed(fit: Fit, share: float) -> Error:
 
     Let t be the trace of an effect, its change of the residual in these recordings, and J the derivatives to all values
     of the model, k of them the effect's own. If the effect's law is wrong, the error of its trace has a part within the
-    span of J. The fit has absorbed this part in the values, so the residual does not show it. It is taken to be as
-    large as the part that the residual shows, `share` times |t|, and equally likely in all directions. Then the
-    covariance of the k values is (share |t|)^2 / k (J'J)^-1. A single value to which the trace is proportional gets the
-    relative error `share`; one that other effects can make up for, or a shape, which changes the trace less, a larger
-    error.
+    span of J. The fit has absorbed this part in the values, so the residual does not show it. It is taken to be equally
+    likely in all directions, and in k of them together as large as the part that the residual shows, `share` times |t|.
+    Then the covariance of the k values is (share |t|)^2 / k (J'J)^-1. A single value to which the trace is proportional
+    gets the relative error `share`; one that other effects can make up for, or a shape, which changes the trace less,
+    gets a larger one.
 
     Args:
         fit: with derivatives to optimizer coordinates.
         share: of the error that the model leaves (`share_left`).
     """
     jacobian, axes = fit.jacobian, fit.space.axes
-    inverse = np.maximum(np.diag(np.linalg.pinv(jacobian.T @ jacobian)), 0.0)
+    variance = np.diag(inverted(jacobian.T @ jacobian)[0])
     found: dict[tuple[int, str], float] = {}
     for index in {a.index for a in axes}:
         own = [i for i, a in enumerate(axes) if a.index == index]
         kind = effect(fit.world.effects[index].effect)
         sizes = [i for i in own if axes[i].name in kind.magnitudes]
         trace = jacobian[:, sizes] @ np.array([_away(fit.world, index, axes[i].name) / axes[i].unit for i in sizes])
-        half = Z * share * np.linalg.norm(trace) * np.sqrt(inverse[own] / len(own))
+        half = Z * share * np.linalg.norm(trace) * np.sqrt(variance[own] / len(own))
         for i, h in zip(own, half, strict=True):
             found[index, axes[i].name] = float(h * axes[i].unit)
     return lambda index, name: found.get((index, name), 0.0)

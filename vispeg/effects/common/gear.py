@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-STEP = 1e-3  # s: at 2 ms a light link that swings on a heavy rotor, hardly damped, is unstable (iiwa14, joints 3 to 7)
+STEP = 1e-3  # s: at 2 ms a light link that swings, hardly damped, on a heavy rotor is unstable (iiwa14's joints 3, 5, 6, 7)
 
 
 def coasting(x, last, before):
@@ -52,7 +52,8 @@ def _decay(h, inertia, compliance, relaxation):
     """Return the free motion of `inertia u' + (delta + relaxation u) / compliance = 0`, `delta' = u`, after h seconds.
 
     Returns:
-        `delta` from 1 and from `u` = 1, `u` from `delta` = 1 and from 1, and 1 / (inertia compliance), (nsim, nj) each.
+        the shares of `delta` and of `u` that become `delta`, those that become `u`, and 1 / (inertia compliance); all
+        are (nsim, nj).
     """
     stiffness = 1.0 / (inertia * compliance)
     damping = 0.5 * relaxation * stiffness
@@ -76,7 +77,7 @@ def followed(theta, omega, link, x, gear):
     The difference is due to an acceleration that `coasting` did not know of. A light rotor follows it at once, a heavy
     one hardly. What the gear gives the rotor for it is not yet taken from the link: `motor_step` does.
     """
-    off, (angle, velocity) = x.q - link, gear[2]
+    off, (_, _, (angle, velocity)) = x.q - link, gear
     return theta + angle * off, omega + velocity * off
 
 
