@@ -78,9 +78,7 @@ def main() -> None:
     parser.add_argument("--ways", nargs="+", default=[*WAYS], choices=WAYS, help="of training")
     given = parser.parse_args()
     if given.first >= given.plants:
-        raise UserError(
-            "no plant is left", key="--first", expected=f"less than {given.plants}", got=given.first
-        )
+        raise UserError("no plant is left", key="--first", expected=f"less than {given.plants}", got=given.first)
     work, budget = given.runs / "dynamics_transfer", arguments.budget(given)
     given.out.mkdir(parents=True, exist_ok=True)
     tables: dict[int, dict[str, Any]] = {}

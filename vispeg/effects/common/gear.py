@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-STEP = 1e-3  # s: at 2 ms a light link that swings, hardly damped, on a heavy rotor is unstable (iiwa14's joints 3, 5, 6, 7)
+STEP = 1e-3  # s: at 2 ms a light link that swings, hardly damped, on a heavy rotor is unstable (iiwa14, joint 7)
 
 
 def coasting(x, last, before):
