@@ -135,10 +135,10 @@ def one_by_one(search: Search, state: State) -> dict[tuple[str, str, str], float
             t, needs = Tried(placed, name), needed(search, state, placed, 0.0, float(level))
             times = least_coefficient(seen, seen, needs)
             if np.isfinite(t.distance(times)):
-                (moved,) = judge.evidence.residuals([state.world.add(t.at(times))])
+                ((base, moved),) = judge.evidence.each_pair(state.world, held, [state.world.add(t.at(times))])
                 scale = 1.0 if t.at(2.0) == placed else times
                 taken = np.linalg.lstsq(fit.jacobian, column)[0]
-                alone = Trace.of((held - moved) / scale - slopes @ taken, np.zeros((len(held), 0)), held, judge.blocks)
+                alone = Trace.of((base - moved) / scale - slopes @ taken, np.zeros((len(held), 0)), held, judge.blocks)
                 times = least_coefficient(seen, alone, needs)
                 while times < REACH[1] and not gains(search, state, rest[:, k], times, len(effect(t.key[0]).params)):
                     times *= STEP

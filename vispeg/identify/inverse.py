@@ -64,10 +64,10 @@ class TorqueEvidence(Evidence):
     """
 
     def __init__(self, recordings: Sequence[Recording], noise: np.ndarray | None = None):
-        self.recordings, self.nthread, self.h_max = list(recordings), 1, 0.0  # nothing is integrated
+        self.recordings, self.nthread = list(recordings), 1
         self.notes, self.converted = list(CAVEATS), []
         self.notes += [BEHIND] if any(rec.torque_sensor == "joint" for rec in recordings) else []
-        self._recent, self.groups = [], []  # no rollouts
+        self._recent = []
         noise, self.floor_from = _noise(self.recordings) if noise is None else (noise, "given")
         # One weight for all joints, so that an error of 1 N m counts the same in each: the rigid model's error exceeds
         # sensor noise by far. On a held-out recording of a KUKA LWR4+ a diagnosis with it ends at .181 N m; with each

@@ -218,9 +218,11 @@ def _held_out(search: Searched, state: State, shown: Sequence[tuple[_Seen, Needs
     none = np.zeros((len(residual), 0))
     slopes = none if fit is None else on_held_out(judge, fit).jacobian
     worlds = [state.world.add(seen.tried.at(promised)) for seen, _, promised in shown]
-    for (seen, _, promised), moved in zip(shown, judge.evidence.each_residual(worlds), strict=True):
+    for (seen, _, promised), (before, after) in zip(
+        shown, judge.evidence.each_pair(state.world, residual, worlds), strict=True
+    ):
         scale = 1.0 if seen.tried.at(promised) == seen.tried.placed else promised  # some keep their size (`Tried.at`)
-        column = (residual - moved) / scale - slopes @ seen.taken
+        column = (before - after) / scale - slopes @ seen.taken
         yield Trace.of(column, none, residual, judge.blocks)
 
 

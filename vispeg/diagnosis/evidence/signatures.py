@@ -131,21 +131,10 @@ def signatures(evidence: Evidence, world: World, residual: np.ndarray, probes: S
 def each_signature(
     evidence: Evidence, world: World, residual: np.ndarray, probes: Sequence[Probe]
 ) -> Iterator[Signature]:
-    """Yield the signatures one by one.
-
-    They are simulated with physics steps twice as long, unless an effect needs shorter ones (`Effect.stable_step`): the
-    error of a step is nearly the same with and without the effect, so the columns change by about 0.3 %, and that of a
-    narrow Stribeck peak by up to a third. Fits use the evidence's own step.
-    """
-    if not probes:
-        return
-    coarse = evidence.coarser()
-    usual = coarse.steps(world)
-    after = coarse.each_residual([world, *(world.add(v) for probe in probes for v in probe.variants)])
-    base = next(after)
+    """Yield the signatures one by one; they are simulated with longer steps than fits (`Evidence.each_pair`)."""
+    pairs = evidence.each_pair(world, residual, [world.add(v) for probe in probes for v in probe.variants])
     for probe in probes:
-        before = base if coarse.steps(world.add(probe.placed)) == usual else residual
-        columns = [_drop(before, next(after)) for _ in probe.variants]
+        columns = [_drop(*next(pairs)) for _ in probe.variants]
         count = len(probe.names)
         columns = columns[:count] + [c - columns[0] for c in columns[count:]]
         yield Signature(probe.placed, probe.names, np.stack(columns, axis=1), probe.moments)
