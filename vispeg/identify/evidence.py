@@ -256,7 +256,7 @@ class Evidence(Freedom):
                     continue
                 segment = segment.until(int(np.flatnonzero(free)[-1]) + 1)  # the rest is not compared
                 late = (late & free[:, None])[: len(segment.time)]
-                grid = np.arange(segment.ticks) * segment.tick
+                grid = (np.arange(segment.ticks) + 0.5) * segment.tick  # what is held over a tick is its middle's
                 torque = contact.torque[segment.rows].T
                 segment.cache[EXTERNAL] = np.stack([np.interp(grid, segment.time, joint) for joint in torque], axis=1)
             channels = self.compared(rec, segment.rows, late, noise)

@@ -140,14 +140,15 @@ class Plant:
 
         Args:
             command: (nsim, nj) commanded torque, N m.
-            hold: (nsim, nj) external torque on the links, N m, or a number.
+            hold: (nsim, nj) torque on the links, N m, held over the step as the command is, or a number.
         """
         forces = self.forces(command)
         tau = forces.drive
-        other = hold if forces.other is None else forces.other + hold
         # leapfrog: the velocity update spans half of the last step and half of this one
-        self.ctrl[:, self.u] = tau if self.first else 0.5 * (tau + self.last)
-        self.last = tau
+        sent, held = (tau, hold) if self.first else (0.5 * (tau + self.last[0]), 0.5 * (hold + self.last[1]))
+        self.last = tau, hold
+        self.ctrl[:, self.u] = sent
+        other = held if forces.other is None else forces.other + held
         self._apply(other)
         # velocity-dependent forces use the velocity at the whole step, the position that at the half step
         half, before = self.half, self.x.dq

@@ -12,7 +12,7 @@ from vispeg.recordings.differentiate import bridged, smooth
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Control, Recording
 
-EXTERNAL = "external"  # key in `Segment.cache`: (n, nj) N m, external torques on the links at the control ticks
+EXTERNAL = "external"  # key in `Segment.cache`: (n, nj) N m, torques on the links held from each tick to the next
 START_HZ = 20.0  # bandwidth of the motion that gives a closed loop its start state
 SERVO_TICK = 2.5e-3  # s, greatest spacing of the instants at which a new goal may reach a servo
 NEAR = 0.05  # ticks by which a sample may be off its own tick: jitter, and the 0.2 us steps of times since 1970
