@@ -17,11 +17,6 @@ from vispeg.effects.common.gear import STEP, coasting, coupled, followed, free_s
 # s, damping of the teeth in contact over their stiffness. A recording hardly tells it, so it is not fitted: half or
 # double of it changes the angles of the iiwa14's joints 2 and 4 by 3 % of a gap of 0.6 mrad (RMS in 2 s).
 TOOTH_RELAXATION = 2e-3
-# s, limits the cost to four times that of STEP. Only inertia times compliance below 1.1e-7 s^2 asks for less, 0.12 ms
-# at the corner of the bounds. There the play of the iiwa14's joints 4 and 6 is stable, and in 2 s within 1.4 gaps of
-# what it is at 0.06 ms (at 1 ms: 7 gaps).
-LEAST_STEP = 2.5e-4
-PHASE = 0.75  # rad, greatest phase per step of the rotor's oscillation against the teeth, so that hits are timed
 
 
 class Backlash(Effect):
@@ -43,11 +38,7 @@ class Backlash(Effect):
     }
 
     def stable_step(self, p):
-        """Return a step that resolves a light rotor against stiff teeth: `STEP`, halved as often as needed."""
-        step, most = STEP, PHASE * (p["motor_inertia"] * p["compliance"]) ** 0.5
-        while step > max(most, LEAST_STEP):
-            step /= 2
-        return step
+        return STEP
 
     def start(self, x, p):
         side = np.where(x.tau >= 0, 0.5, -0.5)
@@ -82,4 +73,4 @@ class Backlash(Effect):
     def guesses(self, look):
         inertia = self.params["motor_inertia"]
         rotors = {float(np.clip(k * look.inertia, inertia.low, inertia.high)) for k in (0.25, 1.0)}
-        return [{"gap": g, "motor_inertia": i} for g in (3e-4, 1.5e-3) for i in sorted(rotors)]
+        return [{"motor_inertia": i} for i in sorted(rotors)]
