@@ -399,14 +399,18 @@ def test_an_edited_part_of_a_file_is_read_again_and_is_another_robot(tmp_path):
     ],
 )
 def test_an_arm_with_an_edited_mesh_is_another_robot_and_its_world_another_world(tmp_path, name, text, mesh):
+    """In one process too: the model that was read before is not used again."""
     path, skin = write(tmp_path, text, name), tmp_path / mesh
     skin.parent.mkdir(parents=True)
-    hashes = set()
-    for size in (0.1, 0.2, 0.2):
+    hashes, models = set(), []
+    for moment, size in ((1, 0.1), (2, 0.2), (2, 0.2)):
         trimesh.creation.box((size,) * 3).export(skin)
+        os.utime(skin, ns=(moment, moment))
         config = {"robot": {"model": str(path)}}
         hashes.add((identity(str(path)), world_hash(World(robot=str(path)), config)))
+        models.append(load(path))
     assert len({robot for robot, _ in hashes}) == len({world for _, world in hashes}) == 2
+    assert models[0] is not models[1] and models[1] is models[2]
 
 
 def test_a_cell_with_an_edited_arm_or_gripper_is_built_again(tmp_path):

@@ -6,7 +6,7 @@ import hashlib
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from contextlib import suppress
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -50,14 +50,15 @@ def files_of(path: str | Path) -> list[Path]:
         return [Path(path)]  # its reader reports it
     files = [expanded(path).resolve()]
     for file in files if files[0].suffix.lower() != ".urdf" else ():  # `files` grows in the loop
-        mentioned = (files[0].parent / name for name in _included(file, file.stat().st_mtime_ns))
+        mentioned = (files[0].parent / name for name in _mentioned(file, file.stat().st_mtime_ns).parts)
         files += [f for f in dict.fromkeys(m.resolve() for m in mentioned if is_file(m)) if f not in files]
     return files
 
 
 def stamp(path: str | Path) -> tuple[int, ...]:
-    """Return when a robot's file and the files that it includes were last modified, ns."""
-    return tuple(file.stat().st_mtime_ns for file in files_of(path))
+    """Return when a robot's file, the files that it includes, its meshes and textures were last modified, ns."""
+    files = files_of(path)
+    return tuple(file.stat().st_mtime_ns for file in (*files, *_assets(files)))
 
 
 def digest(path: str | Path) -> str:
@@ -74,25 +75,33 @@ def _assets(files: Sequence[Path]) -> list[Path]:
 
     Each is looked for in every folder that any of the files states.
     """
-    elements: list[ET.Element] = []
-    for file in files:
-        with suppress(UserError):  # its reader reports it
-            elements += read_xml(file).iter()
-    stated = [e.get(key, "") for e in elements if e.tag == "compiler" for key in ("meshdir", "texturedir", "assetdir")]
-    folders = [file.parent / name for file in files for name in dict.fromkeys(["", *stated])]
-    names = [text for e in elements if e.tag in ASSETS for key, text in e.items() if key.startswith("file")]
-    tries = [locate(tried, at) for name in names if name for at in folders for tried in (name, Path(name).name)]
+    mentioned = [_mentioned(file, file.stat().st_mtime_ns) for file in files if is_file(file)]
+    stated = dict.fromkeys(["", *(folder for m in mentioned for folder in m.folders)])
+    folders, names = [file.parent / name for file in files for name in stated], [n for m in mentioned for n in m.assets]
+    tries = [locate(tried, at) for name in names for at in folders for tried in (name, Path(name).name)]
     return list(dict.fromkeys(found.resolve() for found in tries if found is not None))
 
 
+@dataclass(frozen=True)
+class _Mentioned:
+    """What a robot's file mentions: other MJCFs that are its parts, files of data, and folders for these."""
+
+    parts: tuple[str, ...] = ()
+    assets: tuple[str, ...] = ()
+    folders: tuple[str, ...] = ()
+
+
 @lru_cache(maxsize=256)
-def _included(path: Path, stamp: int) -> tuple[str, ...]:
-    """Return the files that an MJCF mentions as its parts; none if it cannot be read, which its reader reports."""
+def _mentioned(path: Path, stamp: int) -> _Mentioned:
+    """Return what a file mentions; nothing if it cannot be read, which its reader reports."""
     try:
-        elements = [e for tag in PARTS for e in read_xml(path).iter(tag)]
+        elements = [*read_xml(path).iter()]
     except UserError:
-        return ()
-    return tuple(e.get("file", "") for e in elements if e.get("file"))
+        return _Mentioned()
+    parts = [e.get("file", "") for e in elements if e.tag in PARTS]
+    assets = [text for e in elements if e.tag in ASSETS for key, text in e.items() if key.startswith("file")]
+    folders = [e.get(key, "") for e in elements if e.tag == "compiler" for key in ("meshdir", "texturedir", "assetdir")]
+    return _Mentioned(*(tuple(dict.fromkeys(filter(None, found))) for found in (parts, assets, folders)))
 
 
 def _count_file(path: Path, base: Path, above: tuple[Path, ...]) -> float:
