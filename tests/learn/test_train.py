@@ -341,7 +341,8 @@ def test_a_run_is_replaced_on_request_alone_and_is_there_again_if_the_new_one_ne
     assert [p.name for p in tmp_path.iterdir()] == ["run"]
 
 
-def test_a_run_put_aside_by_one_that_was_killed_is_there_again_for_any_other(tmp_path):
+@pytest.mark.parametrize("command", ["train", "resume"])
+def test_a_run_put_aside_by_one_that_was_killed_is_there_again_for_any_other(tmp_path, command):
     run = tmp_path / "run"
     train(config(steps=320), run, make("state"), show=False)
     first = {p.relative_to(run): p.read_bytes() for p in run.rglob("*") if p.is_file()}
@@ -353,9 +354,13 @@ def test_a_run_put_aside_by_one_that_was_killed_is_there_again_for_any_other(tmp
         train(config(steps=320), run, killed, show=False, overwrite=True)
     os.waitpid(child, 0)
     assert not run.exists()
-    with pytest.raises(UserError, match="exists already"):
-        train(config(steps=320, seed=1), run, make("state"), show=False)
-    assert {p.relative_to(run): p.read_bytes() for p in run.rglob("*") if p.is_file()} == first
+    if command == "resume":
+        assert resume(run, make=make("state"), show=False).is_dir()
+        assert (run / "progress.csv").read_bytes() == first[Path("progress.csv")]
+    else:
+        with pytest.raises(UserError, match="exists already"):
+            train(config(steps=320, seed=1), run, make("state"), show=False)
+        assert {p.relative_to(run): p.read_bytes() for p in run.rglob("*") if p.is_file()} == first
     assert [p.name for p in tmp_path.iterdir()] == ["run"]
 
 

@@ -75,12 +75,14 @@ def resume(folder: Path, steps: int | None = None, make: MakeEnv | None = None, 
         UserError: there is no run, its last checkpoint is missing or damaged, or another process trains there; or
             `steps` is given but the run has done more, ended at its target, or only imitates.
     """
+    if folder.resolve().parent.is_dir():  # else the lock would make it
+        with claimed(folder):
+            recover(folder.resolve())  # before anything is read: the run may have been put aside
     config = read_config(folder / "config.yaml")
     if steps is not None and config.recipe == "distill":
         expected = "a new run, with more --distill-steps or of the recipe distill+sac"
         raise UserError("imitation goes by rounds", file=folder, key="--steps", expected=expected, got=steps)
     with claimed(folder):
-        recover(folder.resolve())
         asked = config if steps is None else replace(config, steps=steps)
         last = folder / "checkpoints" / "last"
         if last.parent.is_dir():
