@@ -10,6 +10,7 @@ import pytest
 from loops import KD, KP, iiwa_segment
 
 from vispeg.core.effect import EffectInstance
+from vispeg.recordings.checks.missing import said
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import load
 from vispeg.sim import compiled
@@ -82,6 +83,28 @@ def test_a_stiff_loop_goes_on_where_angles_are_missing_and_stops_where_commands_
     goals = recording().q.copy()
     goals[200:300] = np.nan
     assert [(s.rows[0], s.rows[-1]) for s in segments(recording(q_cmd=goals))] == [(0, 199), (300, 599)]
+
+
+@pytest.mark.parametrize("mode", ["position", "torque"])
+def test_lost_rows_cut_an_episode_as_empty_ones_do(mode):
+    """A short loss is bridged either way."""
+    rec = recording(control=Control(mode, 500.0, "model", KP, KD), tau_cmd=np.ones((600, 7)))
+    lost = np.r_[200:300, 400:420]
+    here = np.setdiff1d(np.arange(600), lost)
+    parts = {f: getattr(rec, f)[here] for f in ("time", "q", "q_cmd", "tau_cmd")}
+    blank = {f: getattr(rec, f).copy() for f in ("q", "q_cmd", "tau_cmd")}
+    for values in blank.values():
+        values[lost] = np.nan
+    without, empty = segments(replace(rec, **parts)), segments(replace(rec, **blank))
+    assert [s.begun for s in without] == [s.begun for s in empty] == [0.0, 0.6]
+    for a, b in zip(without, empty, strict=True):
+        assert a.ticks == b.ticks and a.time[-1] == b.time[-1]
+        for name in a.command:
+            np.testing.assert_allclose(a.command[name], b.command[name], atol=1e-12)
+        np.testing.assert_allclose(a.q, b.q, atol=1e-12)
+    assert said(replace(rec, **parts))[-1] == (
+        "made-up: no rows for 0.202 s from 0.398 s on; what is before and after is simulated separately"
+    )
 
 
 @pytest.mark.parametrize("mode", ["position", "torque"])

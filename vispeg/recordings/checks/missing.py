@@ -20,20 +20,34 @@ def longest(missing: np.ndarray) -> tuple[int, int]:
 
 
 def stretches(rec: Recording, rows: np.ndarray) -> list[np.ndarray]:
-    """Split the rows of one episode where a simulation's inputs are missing for longer than `LONG` and `PERIODS`.
+    """Split the rows of one episode where rows, or a simulation's inputs, are missing for over `LONG` and `PERIODS`.
 
     The inputs are the commands and, unless the control loop is stiff, the angles: interpolation across a long gap is
     not the motion. Each stretch begins where every joint has a reading, as a simulation starts from these.
     """
+    least = _long(rec, rows)
     signals = [getattr(rec, name) for name in NEEDED[rec.control.mode]]
     signals += [] if rec.control.mode in STIFF else [rec.q]
-    time, cut = rec.time[rows], np.zeros(len(rows), bool)
-    least = max(LONG, PERIODS / usual_rate(rec.time, [rows]))
-    for column in (column for signal in signals if signal is not None for column in signal[rows].T):
-        for first, stop in runs(~np.isfinite(column)):
-            cut[first:stop] |= time[min(stop, len(rows) - 1)] - time[max(first - 1, 0)] > least
-    begun = [(rows[a:b], _begun(np.isfinite(rec.q[rows[a:b]]), time[a:b], least)) for a, b in runs(~cut)]
-    return [part[first:] for part, first in begun if first is not None]
+    columns = [column for signal in signals if signal is not None for column in signal.T]
+    out = []
+    for part in np.split(rows, _lost(rec, rows, least) + 1):
+        time, cut = rec.time[part], np.zeros(len(part), bool)
+        for column in columns:
+            for first, stop in runs(~np.isfinite(column[part])):
+                cut[first:stop] |= time[min(stop, len(part) - 1)] - time[max(first - 1, 0)] > least
+        begun = [(part[a:b], _begun(np.isfinite(rec.q[part[a:b]]), time[a:b], least)) for a, b in runs(~cut)]
+        out += [piece[first:] for piece, first in begun if first is not None]
+    return out
+
+
+def _long(rec: Recording, rows: np.ndarray) -> float:
+    """Return the time, s, beyond which the motion between two of these rows is unknown."""
+    return max(LONG, PERIODS / usual_rate(rec.time, [rows]))
+
+
+def _lost(rec: Recording, rows: np.ndarray, least: float) -> np.ndarray:
+    """Return the indices of the rows after which the next one comes more than `least` s later."""
+    return np.flatnonzero(np.diff(rec.time[rows]) > least)
 
 
 def _begun(read: np.ndarray, time: np.ndarray, least: float) -> int | None:
@@ -49,9 +63,16 @@ def _begun(read: np.ndarray, time: np.ndarray, least: float) -> int | None:
 
 
 def said(rec: Recording) -> list[str]:
-    """Word one line on missing readings of the signals that a comparison uses; no line if none is missing."""
+    """Word what is missing of the signals that a comparison uses: a line on readings, and one on rows, where any is."""
     parts = [part for name in compared(rec) if (part := _missing(rec, name))]
-    return [f"{rec.name}: missing: {'; '.join(parts)}; readings are left out, commands bridged"] if parts else []
+    out = [f"{rec.name}: missing: {'; '.join(parts)}; readings are left out, commands bridged"] if parts else []
+    ends = [rows[k] for rows in episodes(rec.time, rec.episode) for k in _lost(rec, rows, _long(rec, rows))]
+    if ends:
+        worst = max(ends, key=lambda k: rec.time[k + 1] - rec.time[k])
+        which = "for" if len(ends) == 1 else f"{len(ends)} times, the longest for"
+        where = f"{which} {rec.time[worst + 1] - rec.time[worst]:.3g} s from {rec.elapsed[worst]:.6g} s on"
+        out.append(f"{rec.name}: no rows {where}; what is before and after is simulated separately")
+    return out
 
 
 def compared(rec: Recording) -> tuple[str, ...]:
