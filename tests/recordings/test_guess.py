@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logged import JOINTS, STYLES, TAU, TIME, TRUTH, N, Q, numbered, write_table
+from logged import DQ, JOINTS, STYLES, TAU, TIME, TRUTH, N, Q, numbered, write_table
 from typed import convert
 
 from vispeg.core.errors import UserError
@@ -154,7 +154,7 @@ def test_one_infinite_angle_is_named_and_changes_no_unit(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "q.joint2: {column: q_2, unit: rad}" in said and "row 9, column q_2 (q.joint2): is infinite" in said
     first = write_table(tmp_path / "first.csv", {name: values[:1] for name, values in columns.items()})
-    with pytest.raises(UserError, match="no column looks like the time"):
+    with pytest.raises(UserError, match="holds a single sample"):
         convert(first, "iiwa14", guess=True)
 
 
@@ -206,6 +206,11 @@ def test_a_lerobot_table_of_lists(tmp_path):
         ({"a": TIME, "b": Q[:, 0]}, "no columns look like measured angles.*choices: a, b"),
         (numbered("q_{}", Q), "no column looks like the time"),
         ({"1.5": TIME, "2.5": TIME}, "the first line holds numbers"),
+        ({"t": TIME[:1]} | numbered("q_{}", Q[:1]), "log.csv: holds a single sample"),
+        (
+            {"t": np.where(np.arange(len(TIME)) == 9, np.nan, TIME)} | numbered("q_{}", Q) | numbered("dq_{}", DQ),
+            "row 11, column t: is missing or infinite.*rate_hz",
+        ),
     ],
 )
 def test_what_cannot_be_guessed(tmp_path, columns, words):

@@ -234,6 +234,30 @@ def test_what_cannot_be_converted(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        ("tau.joint1: u", "map.yaml: tau.joint2: is missing; .*`tau.joint2: none`"),
+        ("recording: {joints: [joint1, joint2, joint3]}", "map.yaml: q.joint3: is missing; .*joints: "),
+    ],
+)
+def test_a_map_that_forgets_a_joint_is_named_not_the_log(tmp_path, lines, words):
+    (tmp_path / "map.yaml").write_text(
+        f"time: t\nq.joint1: a\nq.joint2: b\n{lines}\n" + "recording: {joints: [joint1, joint2]}\n" * ("u" in lines)
+    )
+    (tmp_path / "log.csv").write_text("t,a,b,u\n0,1,2,3\n0.1,1,2,3\n0.2,1,2,3\n")
+    with pytest.raises(UserError, match=words):
+        convert(tmp_path / "log.csv", "iiwa14", tmp_path / "out", map=tmp_path / "map.yaml")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_missing_time_is_named_by_its_own_column(tmp_path):
+    (tmp_path / "map.yaml").write_text("time: {column: t_ms, unit: ms}\nq.joint1: a\nrecording: {joints: [joint1]}\n")
+    (tmp_path / "log.csv").write_text("t_ms,a\n0,1\n,1\n20,1\n30,1\n")
+    with pytest.raises(UserError, match=r"row 3, column t_ms \(time\): is missing"):
+        convert(tmp_path / "log.csv", "iiwa14", tmp_path / "out", map=tmp_path / "map.yaml")
+
+
 @pytest.mark.parametrize("guessed", [False, True])
 def test_a_recording_is_no_log(guessed, tmp_path):
     """Its controller, tool and noise would be lost."""

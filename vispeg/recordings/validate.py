@@ -108,7 +108,7 @@ def check_time(table: Table, time: np.ndarray, episode: np.ndarray | None, rate_
     """Refuse times (n,) that are not finite, not strictly increasing within an episode, or not in seconds."""
     bad = np.flatnonzero(~np.isfinite(time))
     if len(bad):
-        raise UserError("is missing or infinite", file=table.file, key=f"{table.row(bad[0])}, column time")
+        raise UserError("is missing or infinite", file=table.file, key=f"{table.row(bad[0])}, {table.column('time')}")
     if len(time) < 2:
         raise UserError("holds a single sample", file=table.file, expected="a motion")
     step = np.diff(time)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.recordings.columns import columns_of
+from vispeg.recordings.columns import JOINT_SIGNALS, columns_of
 from vispeg.recordings.importers.clock import cleaned
 from vispeg.recordings.importers.mapping import ColumnMap, Source
 from vispeg.recordings.importers.turns import beside, straightened
@@ -51,13 +51,15 @@ def build(
         numbers: number of each sample's row in the source, for messages; by default counted from 0.
 
     Raises:
-        UserError: no column `time`, no samples, motors as for `joint_side`, or anything that a recording may not have.
+        UserError: no column `time`, no samples, a signal of some joints only, motors as for `joint_side`, or anything
+            that a recording may not have.
     """
     time = columns.get("time")
     if time is None:
         raise UserError("has no time", file=source, expected="a column `time`, or a map that says which it is")
     columns, numbers = cleaned(dict(columns), source, range(len(time)) if numbers is None else numbers)
     columns = joint_side(columns, joints_of(joints, mapping), mapping, source)
+    _complete(columns, joints_of(joints, mapping), mapping, source)
     time = columns["time"]
     start = time[0] if len(time) else 0.0
     if np.isfinite(start) and abs(start) > EPOCH:
@@ -72,6 +74,18 @@ def build(
     if table.rows == 0:
         raise UserError("holds no samples", file=source)
     return assemble(header_from(data, mapping.file or source), table, Path(source.stem), mapping.file or source)
+
+
+def _complete(columns: Collection[str], joints: Sequence[str], mapping: ColumnMap, source: Path) -> None:
+    """Refuse a signal that a map or a file has for some of the joints only."""
+    for signal in JOINT_SIGNALS:
+        names = columns_of(signal, joints)
+        lacking = [name for name in names if name not in columns]
+        if not lacking or (len(lacking) == len(names) and signal != "q"):
+            continue
+        out = "`recording: {joints: [..]}` in a map without it" if signal == "q" else f"`{lacking[0]}: none` in a map"
+        expected = f"a column of every joint, or {out}"
+        raise UserError("is missing", file=mapping.file or source, key=lacking[0], expected=expected)
 
 
 def _rounded(rate: float) -> float:

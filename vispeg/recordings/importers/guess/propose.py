@@ -154,8 +154,10 @@ def propose(
 
     Raises:
         UserError: no column can be the time, no columns can be the angles, or a column of either, of speeds or torques
-            holds numbers and other cells.
+            holds numbers and other cells; or there is one sample only.
     """
+    if table.rows == 1:
+        raise UserError("holds a single sample", file=table.file, expected="a motion")
     meanings = own_names([meaning(name, labels) for name in table.names], joints, table)
     out = Proposal(table.file, [], [], {}, dialect)
     for m in meanings:
@@ -530,6 +532,11 @@ def _time(
     ]
     running = [m for m in named if values.increases(table.columns[m.name])]
     if not running:
+        for name, there in ((m.name, np.isfinite(table.columns[m.name])) for m in named):
+            if not there.all() and values.increases(table.columns[name][there]):
+                key = f"{table.row(np.flatnonzero(~there)[0])}, column {name}"
+                expected = "a time in every row; or --rate-hz, how many samples a second there are"
+                raise UserError("is missing or infinite", file=table.file, key=key, expected=expected)
         taken = {line.column for line in out.lines}
         running = [m for m in meanings if m.name in table.columns and m.name not in taken and not m.quantity]
         running = [m for m in running if values.increases(table.columns[m.name], even=True)]
@@ -537,10 +544,6 @@ def _time(
             why = "no column is the time; at this rate the measured speeds are the change of the angles"
             return Line("time", "", "", why, "measured", rate_hz=found)
         if not running:
-            for name, there in ((m.name, np.isfinite(table.columns[m.name])) for m in named):
-                if not there.all() and values.increases(table.columns[name][there]):
-                    key = f"{table.row(np.flatnonzero(~there)[0])}, column {name}"
-                    raise UserError("is missing or infinite", file=table.file, key=key, expected="a time in every row")
             expected = "one that increases; or --rate-hz, how many samples a second there are"
             raise UserError("no column looks like the time", file=table.file, expected=expected, choices=table.names)
         out.doubts.append(f"no column is called time: {running[0].name} increases by even steps")
