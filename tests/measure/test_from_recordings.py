@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from vispeg.api.measure.quantity import measure_com
+from vispeg.api.measure.quantity import measure_com, measure_friction
 from vispeg.core.errors import UserError
 from vispeg.measure import com
 from vispeg.measure.from_recordings import at_rest, presses, slides
@@ -180,6 +180,13 @@ def test_forces_of_slides_and_presses_are_along_the_flange_and_not_the_sensor(se
         assert slide["normal"] == pytest.approx([8.0, 8.0], rel=1e-3)
         assert slide["tangential"] == pytest.approx([2.4, 2.4], rel=1e-3)
         assert press["force"].max() == pytest.approx(40.0, rel=1e-3)
+
+
+def test_a_slide_given_twice_is_not_two_slides(tmp_path):
+    slide = write(rubbed(), tmp_path / "slide")
+    with pytest.raises(UserError, match="slide: given twice"):
+        measure_friction([slide, slide], tmp_path / "out.yaml")
+    assert not (tmp_path / "out.yaml").exists()
 
 
 def test_missing_readings_of_a_slide_and_a_press_are_bridged(tmp_path):

@@ -324,6 +324,12 @@ def test_the_command_writes_what_it_prints(tmp_path, capsys):
         typed("check", robot, out=tmp_path / "out")
 
 
+def test_a_recording_given_twice_is_no_repeat(tmp_path):
+    folder = write(moving(), tmp_path / "rig")
+    with pytest.raises(UserError, match="given twice"):
+        typed("check", folder, tmp_path / "other" / ".." / "rig")
+
+
 def test_a_joint_that_the_robot_does_not_have(tmp_path):
     folder = write(moving(joints=("joint1", "joint9")), tmp_path / "rig")
     with pytest.raises(UserError, match="joint9.*choices: joint1"):

@@ -17,7 +17,7 @@ from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.notes import note
 from vispeg.core.provenance import Provenance, digest, here
-from vispeg.core.several import several
+from vispeg.core.several import each_once, several
 from vispeg.recordings.frames.files import FOLDER
 from vispeg.recordings.load import load, needed
 from vispeg.recordings.progress import Reading, silent
@@ -127,7 +127,7 @@ def read_inputs(
         expected = "a folder that is not fitted; with only one recording, --hold-out 0.3 judges on its last 30 %"
         raise UserError("no recording to judge on", key="--validate", expected=expected)
     for flag, sources in (("--recording", fit), ("--validate", judge)):
-        _once(flag, [_path(s) for s in sources])
+        each_once(map(_path, sources), flag)
     both = {_path(s).resolve() for s in fit} & {_path(s).resolve() for s in judge}
     if both:
         raise UserError("fitted and held out at once", file=sorted(both)[0], expected="different recordings")
@@ -281,15 +281,6 @@ def _attributed_to(file: str | Path, key: str) -> Iterator[None]:
         yield
     except UserError as error:
         raise UserError(str(error), file=file, key=key) from error
-
-
-def _once(flag: str, paths: Sequence[Path]) -> None:
-    """Raise UserError for a recording given twice, whose noise would count as new evidence."""
-    earlier: set[Path] = set()
-    for path in paths:
-        if path.resolve() in earlier:
-            raise UserError("given twice", file=path, key=flag, expected="each recording once")
-        earlier.add(path.resolve())
 
 
 def _of_robot(rec: Recording, world: World, path: Path) -> Recording:

@@ -12,7 +12,7 @@ import numpy as np
 from vispeg.channels.channel import CHANNELS, How
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import Provenance, digest, here
-from vispeg.core.several import several
+from vispeg.core.several import each_once, several
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.recordings.objects import ObjectRecording, load_object_recording
@@ -63,6 +63,7 @@ def diagnose_tosses(
     for key, sources in (("--recording", fit), ("--validate", judge)):
         if not sources:
             raise UserError("no recording given", key=key, expected="at least one folder of an object's tosses")
+        each_once((Path(s) for s in sources if isinstance(s, str | Path)), key)
     model = load_object(world.robot)
     activate(model, [world])  # raises for an effect that has no place here
     fitted, held_out = ([_read(s) for s in sources] for sources in (fit, judge))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
+from pathlib import Path
 from typing import TypeVar
 
 from vispeg.core.errors import UserError
@@ -28,3 +29,12 @@ def single(given: T | Iterable[T], key: str) -> T:
     if len(listed) != 1:
         raise UserError("exactly one is needed", key=key, expected="one", got=f"{len(listed)}")
     return listed[0]
+
+
+def each_once(paths: Iterable[Path], key: str | None = None) -> None:
+    """Refuse a file or folder given twice, whose noise would count as new evidence. Raises UserError; names `key`."""
+    earlier: set[Path] = set()
+    for path in paths:
+        if path.resolve() in earlier:
+            raise UserError("given twice", file=path, key=key, expected="each once")
+        earlier.add(path.resolve())

@@ -11,7 +11,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.paths import expanded
 from vispeg.core.seeds import stream
-from vispeg.core.several import several
+from vispeg.core.several import each_once, several
 from vispeg.measure import joint as joints
 from vispeg.measure.actuator import alone, parameters, text
 from vispeg.measure.arm import Arm, arm_of
@@ -93,10 +93,9 @@ def _traces(
     paths: Sequence[Path], joint: str | None, columns: Mapping[str, str]
 ) -> tuple[list[Trace], str, str | None]:
     """Return the joint's traces, its name, and the robot, which is None for tables."""
-    resolved = [path.resolve() for path in paths]
-    twice = [path for path in paths if resolved.count(path.resolve()) > 1]
-    if not paths or twice:
-        raise UserError("given twice" if twice else "no recording given", file=twice[0] if twice else None)
+    if not paths:
+        raise UserError("no recording given")
+    each_once(paths)
     if all(path.is_dir() for path in paths):
         traces, robots, joint = list[Trace](), list[str](), joint or most_moved(paths)
         for path in paths:

@@ -15,7 +15,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.params import Value
 from vispeg.core.paths import expanded
 from vispeg.core.seeds import stream
-from vispeg.core.several import several
+from vispeg.core.several import each_once, several
 from vispeg.effects.common.parts import body_of, held, shapes, touching
 from vispeg.measure import com, friction, mass, restitution, stiffness
 from vispeg.measure.becomes import payload, placed, scaled, undeclared
@@ -265,6 +265,7 @@ def _measured(
 ) -> MeasurementResult:
     """Measure and write the result; if it cannot be an effect of a model, add a note with the reason."""
     check_out(expanded(out), settings.overwrite)
+    each_once(inputs)
     outcome = measure(stream(settings.seed, "measure", protocol))
     notes, of_model = list(outcome.notes), list[EffectInstance]()
     try:

@@ -15,7 +15,7 @@ from vispeg.channels.pictures import seen
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.provenance import here
-from vispeg.core.several import several
+from vispeg.core.several import each_once, several
 from vispeg.diagnosis.pictures.coverage import excitations
 from vispeg.diagnosis.pictures.excited import Excitation
 from vispeg.identify.pictures.read import comparable
@@ -131,11 +131,12 @@ def check(
             done.
 
     Raises:
-        UserError: a recording cannot be used, or `out` exists.
+        UserError: a recording cannot be used or is given twice, or `out` exists.
     """
     paths = [Path(path) for path in several(recordings)]
     if not paths:
         raise UserError("no recording given", expected="at least one folder")
+    each_once(paths)
     if out is None:
         return _examined(paths, False, watch)
     with new_folder(out, overwrite, holds=Checks.holds, inputs=paths) as folder:
