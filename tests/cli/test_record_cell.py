@@ -103,6 +103,7 @@ def test_mistakes_end_in_one_line(vispeg, tmp_path, options, message):
 
 def test_motions_lists_and_refuses(vispeg):
     code, out, _ = vispeg("motions", "--family", "contact")
+    assert "TURNED" not in out and "count" not in out, "names of the code say nothing to a user"
     assert code == 0 and all(name in out for name in ("press", "insert-turned", "touch-datum", "expert"))
     assert "fourier" not in out
     for options, message in (

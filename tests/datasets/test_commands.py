@@ -26,6 +26,7 @@ def test_render_check_show_and_mistakes(tmp_path, monkeypatch, capsys):
     page = (tmp_path / "d-page/index.html").read_text()
     assert "4 frames in 1 episode<" in page and "Contrast guard" in page and "wrist_crop" in page
     assert "in the worst, of all frames." in page and ">4 frames each<" in page
+    assert "The only look was not." in page and "px, on the flange." in page
     monkeypatch.setattr(build, "SAMPLED", 3)
     assert "in the worst, of 3 frames looked at, spread over all 4." in build.render(
         Dataset("d"), np.zeros((8, 8, 3), np.uint8)

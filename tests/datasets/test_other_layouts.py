@@ -52,6 +52,7 @@ def test_a_sound_one_has_nothing_wrong_and_is_shown(folder, tmp_path):
     seen = []
     assert check(folder, seen.append) == [] and sum(seen) == 8
     page = write(folder, tmp_path / "page", 4).read_text()
+    assert "on the base" not in page and "focal length" in page, "BOP does not say what holds a camera"
     assert "8 frames in 2 episodes" in page and (tmp_path / "page/contact-sheet.png").stat().st_size > 1000
 
 

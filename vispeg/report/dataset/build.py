@@ -99,6 +99,7 @@ def cameras(data: Dataset | Bop) -> Mapping[str, object]:
         out.append(
             {
                 "camera": camera,
+                "on": "" if isinstance(data, Bop) else camera.parent,  # BOP states a camera's place, not what holds it
                 "views": [(what, embedded(picture)) for what, picture in zip(shown, pictures, strict=False)],
                 "focal": f"{camera.fx:.1f}, {camera.fy:.1f}",
                 "depth": _depth(np.stack([f[depth_of(name, f)] for f in frames]), *limits[name])

@@ -85,7 +85,7 @@ def free(place: Place) -> Path:
 
 
 def press(place: Place, count: int = 4) -> Path:
-    """Press straight down with 5 to 25 N at `count` places around the goal."""
+    """Press straight down with 5 to 25 N at several places around the goal."""
     path, first = place.begin(), place.rng.uniform(0, np.pi / 2)
     for k in range(count):
         angle = first + 2 * np.pi * k / count
@@ -97,9 +97,10 @@ def press(place: Place, count: int = 4) -> Path:
 
 
 def press_elbow(place: Place) -> Path:
-    """Press as `press` does; `motion` makes it with the elbow turned (`TURNED`).
+    """Press as `press` does, but with the elbow turned.
 
-    This separates the arm's compliance from that of the fixture, which does not depend on the arm's posture.
+    This separates the arm's compliance from that of the fixture, which does not depend on the arm's posture. `motion`
+    turns the elbow, as `TURNED` says.
     """
     return press(place)
 
