@@ -236,3 +236,16 @@ def test_the_command_finds_the_stiffness_of_a_known_spring(tmp_path, monkeypatch
     assert main(["add", "peg-cell", "c.yaml", "--out", "soft.yaml"]) == 0
     (in_model,) = load_model(tmp_path / "soft.yaml").effects
     assert in_model.params["z"].value == pytest.approx(z.value)
+
+
+def test_a_table_with_semicolons_is_told_what_is_expected_and_no_log_s_way_out(here, capsys):
+    (here / "scale.csv").write_text("mass_g;place\n152,1;1\n152,3;2\n")
+    assert main(["measure", "mass", "scale.csv", "--resolution", "mass_g=1", "--out", "m.yaml"]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "expected ',' and decimal points; of a log, `vispeg convert`" in said and not (here / "m.yaml").exists()
+
+
+def test_numbers_in_refusals_and_notes_are_short(here, capsys):
+    (here / "scale.csv").write_text("mass_g\n-152.1\n-152.3\n")
+    assert main(["measure", "mass", "scale.csv", "--resolution", "mass_g=1", "--out", "m.yaml"]) == 2
+    assert "got '-0.1521'" in " ".join(capsys.readouterr().err.split())

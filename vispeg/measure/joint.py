@@ -233,7 +233,7 @@ def _of_steps(
         results.append(propagate("rest_band", "rad", lambda *x: sum(x), inputs, rng, repeats=count))
     sizes = steps.sizes(responses)
     if len(sizes) < 3:
-        notes.append(f"{len(sizes)} sizes of step; with three or more, one would be held out as a check")
+        notes.append(f"sizes of step: {len(sizes)}; with three or more, one would be held out as a check")
     worst = float(np.max(common.left))
     if worst > 0.1:
         notes.append(

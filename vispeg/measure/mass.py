@@ -33,7 +33,7 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     if len(bad):
         key = f"{readings.row(bad[0])}, column mass"
         expected = "above 0 kg" + (" when the tare is taken off" if tare is not None else "")
-        raise UserError("is not a mass", file=readings.file, key=key, expected=expected, got=float(net[bad[0]]))
+        raise UserError("is not a mass", file=readings.file, key=key, expected=expected, got=f"{net[bad[0]]:.6g}")
     inputs, digit = [repeated("repeats", net), *readings.instrument("mass")], readings.resolution["mass"]
     if tare is not None:
         readings = replace(readings, resolution={"tare": digit, **readings.resolution})

@@ -300,9 +300,10 @@ def _refuse_dialect(head: str, second: str, dialect: Dialect, file: Path) -> Non
         return
     commas = other != "," and "," in second
     also, mark = (", and its numbers have decimal commas", ', decimal: ","') if commas else ("", "")
+    points = " and decimal points" if commas else ""
     name = {";": "semicolons", "\t": "tabs", ",": "commas"}[other]
     written = f'table: {{separator: "{other}"{mark}}}'.replace("\t", "\\t")
-    expected = f"{separator!r}; `vispeg convert` reads it with --guess, or a map with {written}"
+    expected = f"{separator!r}{points}; of a log, `vispeg convert` reads it with --guess, or a map with {written}"
     raise UserError(f"columns are separated by {name}{also}", file=file, expected=expected)
 
 
