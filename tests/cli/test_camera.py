@@ -82,7 +82,7 @@ def test_mistakes(refused, images, tmp_path):
     refused(["camera", "calibrate", images, "--pattern", "9by6", *given], "COLUMNSxROWS")
     refused(["camera", "calibrate", images, *given], "--pattern: is required of a board, not of a tag")
     refused(["camera", "calibrate", images, "--pattern", "10x7", *given], "9x6 inner corners is there")
-    refused(["camera", "calibrate", "gone", "--pattern", "9x6", *given], "no such folder")
+    refused(["camera", "calibrate", "gone", "--pattern", "9x6", *given], "gone: does not exist", "folder of images")
     refused(["camera", "calibrate", images, "--pattern", "9x6", "--poses", "gone.csv", *given], "no such file")
     refused(["camera", "calibrate", images, "--pattern", "9x6", "--intrinsics", "k.yaml", *given], "nothing to find")
     fixed = ["--pattern", "9x6", "--intrinsics", "k.yaml", "--poses", images / "poses.csv", "--distortion", "brown5"]

@@ -86,6 +86,7 @@ def test_whole_insertions_state_their_outcome(vispeg, tmp_path):
         (["--motion", "expert", "--rate", "0"], "ten samples"),
         (["--motion", "slide", "--force-limit", "-3"], "--force-limit: must be above 0"),
         (["--motion", "nowhere.csv"], "no such motion file"),
+        (["--motion", "look", "--cameras", "wrist_wide", "--size", "320"], "as 320x240; got '320'"),
         (["--motion", "bad.csv"], "bad.csv"),
         (["--motion", "far.csv"], "reach"),
         (["--motion", "tap", "--noise", "fz=1"], "ft_torque"),

@@ -79,8 +79,10 @@ def test_mistakes(tmp_path):
     (tmp_path / "1.png").write_bytes(b"no picture")
     with pytest.raises(UserError, match="cannot be read as an image"):
         detect(tmp_path, BOARD)
-    with pytest.raises(UserError, match="no such folder"):
+    with pytest.raises(UserError, match="does not exist"):
         detect(tmp_path / "gone", BOARD)
+    with pytest.raises(UserError, match="1.png: is no folder"):
+        detect(tmp_path / "1.png", BOARD)
     (tmp_path / "empty").mkdir()
     with pytest.raises(UserError, match="no image here"):
         detect(tmp_path / "empty", BOARD)

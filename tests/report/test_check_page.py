@@ -11,6 +11,7 @@ from made import recording
 from pages import plain
 
 from vispeg.api.recording.contact import check_contact
+from vispeg.diagnosis.pictures.excited import Excitation
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.checks.check import check
 from vispeg.recordings.checks.excitation import PARAMETERS
@@ -19,6 +20,7 @@ from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.recording import Control
 from vispeg.report.checked.examined import examined
 from vispeg.report.checked.page import lines_of, render
+from vispeg.report.checked.tables import _excited
 
 from .test_traces import decoded
 
@@ -175,3 +177,10 @@ def test_contact_is_shaded_where_the_sensor_feels_a_force():
     middle = (np.array(track["time"]) > 2.2) & (np.array(track["time"]) < 2.8)
     assert np.median(force[middle]) == pytest.approx(12.0, abs=0.1)
     assert "over 100 N" in plain(html) and "in free air" in html
+
+
+def test_what_pictures_do_not_show_is_said_with_the_motion_alone_or_by_parameter():
+    whole = Excitation("exposure", "wrist", "light", 0.07, 0.25, ("gain",))
+    part = Excitation("camera_offset", "wrist", "border", 3.0, 0.2, ("z",))
+    rows = _excited([whole, part, replace(part, silent=())]).rows
+    assert [row[-1] for row in rows] == ["a stated look", "z: look", ""]

@@ -220,11 +220,13 @@ def record(
 
 
 def _pixels(size: str | tuple[int, int]) -> tuple[int, int]:
-    """Return width and height, px, from a pair or a text such as `320x240`; (0, 0) if invalid."""
+    """Return width and height, px, from a pair or a text such as `320x240`. Raises UserError: another text."""
     if not isinstance(size, str):
         return size
     width, _, height = size.partition("x")
-    return (int(width), int(height)) if (width + height).isdecimal() and width and height else (0, 0)
+    if not (width.isdecimal() and height.isdecimal()):
+        raise UserError("not a size", key="--size", expected="WIDTHxHEIGHT, as 320x240", got=size)
+    return int(width), int(height)
 
 
 def _of_joints(asked: Asked) -> bool:

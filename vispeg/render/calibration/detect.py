@@ -48,7 +48,9 @@ def pictures(folder: str | Path) -> list[Path]:
     """Return the image files of a folder, `2.png` before `10.png`. Raises UserError if there is none."""
     root = Path(folder)
     if not root.is_dir():
-        raise UserError("no such folder of images", file=folder)
+        raise UserError(
+            "is no folder" if root.exists() else "does not exist", file=folder, expected="a folder of images"
+        )
     files = [p for p in root.iterdir() if p.suffix.lower() in PICTURES and not p.name.startswith(".")]
     if not files:
         raise UserError("no image here", file=folder, expected=f"files ending in {' '.join(PICTURES)}")

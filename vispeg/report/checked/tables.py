@@ -92,8 +92,9 @@ def _excited(rows: Sequence[Excitation]) -> Sheet:
 def _effect(x: Excitation) -> list[str]:
     """Return a row; changes are in px for borders, else as multiples of the usual value."""
     mark = " px" if x.channel == "border" else "-fold"
-    silent = (", ".join(x.silent) if x.excited else "it") + f": {x.motion.split(':')[0]}" if x.silent else ""
-    return [f"{x.effect}({x.where})", f"{x.change:.2f}{mark}", f"{x.needed:.2f}{mark}", silent]
+    needs = x.motion.split(":")[0] if x.silent else ""
+    silent = f"{', '.join(x.silent)}: " if x.silent and x.excited else ""  # some of its parameters, or all of it
+    return [f"{x.effect}({x.where})", f"{x.change:.2f}{mark}", f"{x.needed:.2f}{mark}", silent + needs]
 
 
 def _by_joint(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Sheet:
