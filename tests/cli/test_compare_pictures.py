@@ -50,6 +50,7 @@ def test_figures_fall_with_the_right_model(compared):
 def test_the_page_shows_pictures_and_no_link_leaves_it(compared):
     page = (compared / "nominal" / "report.html").read_text()
     assert page.count("data:image/jpeg") == 18 and "What the cameras saw" in page
+    assert "joint or regime" not in page and "Measured against model" not in page, "joints were not compared"
     assert 'src="http' not in page and 'href="http' not in page
 
 

@@ -240,3 +240,12 @@ def test_the_same_motion_is_followed_whatever_the_rate_and_the_gaps_of_the_readi
 def test_replays_are_needed(cell, tmp_path):
     with pytest.raises(UserError, match="no replays"):
         explain(cell / "trials", "expert", replays=0, out=tmp_path / "why")
+
+
+def test_trials_without_the_pictures_of_the_policy_are_explained_without_its_senses(cell, tmp_path):
+    """They are of another policy; the replays are not lost."""
+    first = min((cell / "trials").iterdir())
+    shutil.copytree(first, tmp_path / "blind" / first.name)
+    found = explain(tmp_path / "blind", "depth-S", replays=2, out=tmp_path / "why")
+    (note,) = (n for n in found.record["notes"] if "senses" in n)
+    assert f"{first.name} has no pictures of wrist_crop" in note and (tmp_path / "why" / "explain.html").is_file()

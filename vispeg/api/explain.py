@@ -389,7 +389,8 @@ def _parted(
 ) -> tuple[list[Parting], Strip | None]:
     """Return how each trial's actions change with simulated senses, and pictures of the trial that shows it best.
 
-    Empty, with a note, if the policy has no interface to a robot, or if there are fewer than DRAWS replays.
+    Empty, with a note, if the policy has no interface to a robot, if there are fewer than DRAWS replays, or if a trial
+    lacks pictures that the policy sees.
 
     Raises:
         UserError: a policy that cannot be read.
@@ -402,6 +403,12 @@ def _parted(
     except NoInterface as error:
         notes.append(f"senses are not compared: {error}")
         return [], None
+    needed = {seen.eye.name for seen in meaning.images.values()}
+    for t in trials:  # those of another policy may have other pictures, or none
+        taken = () if t.recording.frames is None else t.recording.frames.cameras
+        if lacking := sorted(needed - {*taken}):
+            notes.append(f"senses are not compared: {t.path} has no pictures of {', '.join(lacking)}")
+            return [], None
     drawn: list[list[Any]] = [[()] * DRAWS for _ in trials]
     if meaning.images:
         looks = [

@@ -203,9 +203,11 @@ def _worlds(
     """Read the worlds, and check the controls.
 
     Raises:
-        UserError: two worlds of one name; an unknown control world; or, unless `fine_tuned`, a policy trained with a
+        UserError: no world; two of one name; an unknown control world; or, unless `fine_tuned`, a policy trained with a
             part of a target.
     """
+    if not sources:
+        raise UserError("no world given", key="--worlds", expected="at least one")
     files = [load_world(w) for w in sources]
     names = [f.name for f in files]
     if len(set(names)) < len(names):

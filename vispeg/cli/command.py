@@ -52,12 +52,14 @@ class Option:
         default: REQUIRED, or another default than in Python.
         repeats: whether the option is repeated for each of its values.
         group: heading above the option in the help text.
+        bare: whether the option may stand without a value, which means none of the default's.
     """
 
     name: str = ""
     default: Any = SAME
     repeats: bool = False
     group: str = ""
+    bare: bool = False
 
 
 TOLERANCE = Option(FLAG.removeprefix("--"))  # the tolerance has a name of its own on the command line

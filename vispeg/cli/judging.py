@@ -46,6 +46,7 @@ def _judged(call: Call, tolerance: float | None) -> None:
     "vispeg.api.evaluate:evaluate",
     "policies",
     videos=Option(default=4),
+    controls=Option(bare=True),
     trials=Option("keep_trials"),
     tolerance=TOLERANCE,
 )
@@ -140,7 +141,7 @@ def sensitivity(call: Call) -> None:
     call.give(result, str(call.out / result.page))
 
 
-@command("vispeg.api.gap:gap", "policies", out=OUT, videos=Option(default=2))
+@command("vispeg.api.gap:gap", "policies", out=OUT, videos=Option(default=2), controls=Option(bare=True))
 @goes_on()
 def gap(call: Call) -> None:
     """Measure what policies lose in other worlds, factor by factor.

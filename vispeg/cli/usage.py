@@ -6,6 +6,7 @@ import io
 import re
 from collections.abc import Collection, Sequence
 from contextlib import redirect_stderr, redirect_stdout
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from vispeg.cli.help import MARK, Page, laid_out
@@ -24,7 +25,10 @@ NAMES = ("{task}", "{cell}", "{held}", "{tolerance}")  # placeholders in help te
 NOT_OF_KIND = (  # the parser's message for a failed conversion, and what is expected instead
     (r"Error parsing (\S+): .*invalid literal for int\(\) with base 10: '(.*?)'.*", "a whole number"),
     (r"Error parsing (\S+): .*could not convert string to float: '(.*?)'.*", "a number"),
+    (r"Error parsing (\S+): .* from \[(.*?)\]\. Got errors: .*tuple\[float, float, float\].*", "three numbers"),
+    (r"Error parsing (\S+): .*arguments: \[(.*?)\]", "numbers"),
 )
+CHOICE = r"invalid choice '(.*?)' for argument '(\S+)'\. Expected one of \((.*)\)"  # the parser's for a word of a list
 ELSEWHERE = {  # option that does not exist -> where to find what it would set
     "--modality": "what a policy sees is in the name of its task, as in TASK-depth, and in its folder",
     "--obs-mode": "what a policy sees is in the name of its task, as in TASK-depth, and in its folder",
@@ -53,14 +57,20 @@ def parse(command: Command, program: str, argv: Sequence[str]) -> Any:
     """Parse the arguments of a command into a dataclass, see `form`.
 
     Raises:
-        UserError: an argument is unknown, missing or of another type.
+        UserError: an argument is unknown, missing, without a value or of another type.
         SystemExit: the help text was requested and has been printed.
     """
     import tyro
 
     from vispeg.cli.command import form
 
-    argv = repeated(argv, {command.word(name) for name, (_, option, _) in command.taken().items() if option.repeats})
+    taken = command.taken().items()
+    wordy = {n for n, (_, option, kind) in taken if kind not in (bool, bool | None) and not option.bare}
+    valued = {command.word(name) for name in wordy.difference(command.positional)}
+    for word, after in pairwise([*argv, "--"]):
+        if word in valued and after.startswith("--"):  # such as `--effects $hidden` without the variable
+            raise UserError("has no value", key=word, expected="one; leave the option out for its default")
+    argv = repeated(argv, {command.word(name) for name, (_, option, _) in taken if option.repeats})
     page, text = Page(), io.StringIO()
     flags = (tyro.conf.FlagCreatePairsOff,)
     try:
@@ -118,7 +128,11 @@ def one_line(framed: str) -> str:
         return _unknown(sentences[0].removeprefix(UNKNOWN), " ".join(sentences[1:]))
     for pattern, expected in NOT_OF_KIND:
         if sentences and (match := re.fullmatch(pattern, sentences[0])):
-            return str(UserError("is not understood", key=match[1], expected=expected, got=match[2]))
+            got = match[2].strip("'").replace("', '", " ")
+            return str(UserError("is not understood", key=match[1], expected=expected, got=got))
+    if sentences and (match := re.fullmatch(CHOICE, sentences[0])):
+        choices = re.findall(r"'(.*?)'", match[3])
+        return str(UserError("is not one of the choices", key=match[2], got=match[1], choices=choices))
     return "; ".join(sentences) or "bad arguments"
 
 

@@ -13,7 +13,18 @@ from vispeg.formats.guard import as_written
 from vispeg.report.evidence import Evidence
 from vispeg.report.page import Section, page
 from vispeg.report.record import Record, load_record
-from vispeg.report.sections import CHANNELS, COMPARE, CONTACT, CONTACT_COMPARE, DIAGNOSIS, FIT, OBJECT, SHARED, VIEWS
+from vispeg.report.sections import (
+    CHANNELS,
+    COMPARE,
+    CONTACT,
+    CONTACT_COMPARE,
+    DIAGNOSIS,
+    FIT,
+    OBJECT,
+    PICTURES_COMPARE,
+    SHARED,
+    VIEWS,
+)
 from vispeg.report.sections import channel as channel_section
 
 KINDS = {"diagnosis": "diagnosis", "compare": "comparison", "fit": "fit"}  # kind of a record -> its name in words
@@ -93,7 +104,8 @@ def _names(record: Record) -> tuple[str, ...]:
     if record.kind == "fit":
         return FIT
     if record.kind == "compare":
-        return CONTACT_COMPARE if contact else COMPARE
+        pictures_alone = values.get("pictures") and "joints" not in values
+        return CONTACT_COMPARE if contact else PICTURES_COMPARE if pictures_alone else COMPARE
     return OBJECT if values.get("object") else VIEWS if values.get("views") else CONTACT if contact else DIAGNOSIS
 
 

@@ -159,14 +159,14 @@ def _story(values: Mapping[str, Any], strip: Strip | None) -> list[table_page.Se
     if strip is not None:
         text = "Above: the robot's camera; below: simulation at the same joint angles. The frame marks this step."
         drawn = chart(lambda shape: _strip(strip, shape), "strip", "Pictures of the robot and of simulation")
-    head = f"Where the {moment['sense']} differ most: {moment['trial']}, {moment['time_s']:.2f} s"
+    head = f"Where it differs most in {moment['sense']}: {moment['trial']}, {moment['time_s']:.2f} s"
     return [
         table_page.table(head, ("on", "the policy asks for, mm in the base's axes"), asked, picture=drawn, caption=text)
     ]
 
 
 def _offset(offset: Sequence[float]) -> str:
-    return ", ".join(f"{x:+.1f}" for x in offset)
+    return ", ".join(f"{x:+.1f}" for x in offset).replace("-", "\N{MINUS SIGN}")
 
 
 def _strip(strip: Strip, shape: Shape) -> Figure:

@@ -36,6 +36,7 @@ CONTACT = (
     "next_experiment",
     "provenance",
 )
+PICTURES_COMPARE = ("headline", "pictures", "provenance")
 CONTACT_COMPARE = ("headline", "wrench", "where_it_fails", "pictures", "provenance")
 CHANNELS = ("headline", "channels", "found", "next_experiment")  # with several channels; each channel's sections follow
 SHARED = ("headline", "found", "next_experiment", "provenance")  # shown once, not for each of several channels
