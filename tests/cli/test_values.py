@@ -59,6 +59,10 @@ def test_a_home_folder_that_the_shell_left_alone(vispeg, tmp_path, monkeypatch):
         ("record iiwa14 --motion fourier --out r --kp 1 b", ("--kp: is not understood; expected numbers; got '1 b'",)),
         ("record iiwa14 --motion fourier --out r --table cvs", ("--table: is not one of", "did you mean 'csv'")),
         ("record iiwa14 --motion fourier --out r --effects", ("--effects: has no value",)),
+        (
+            "effects --family nope",
+            ("choices: appearance, body, camera, contact, drive, joint, sensor, task;",),
+        ),
         ("record iiwa14 --motion fourier --effects --out r", ("--effects: has no value",)),
         ("gap expert --worlds --out g", ("--worlds: has no value",)),
         ("run expert --robot sim:nominal --goal 1 2 --out t", ("--goal: is not understood; expected three numbers",)),

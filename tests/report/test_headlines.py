@@ -41,6 +41,20 @@ def test_an_effect_in_words(row, said):
     assert effect_words.sized(row) == said
 
 
+@pytest.mark.parametrize(
+    ("where", "said"),
+    [
+        ("joint4", "in joint 4"),
+        ("link_7", "of link 7"),
+        ("lwr_4_joint", "at lwr_4_joint"),
+        ("l1", "at l1"),
+        ("q2", "at q2"),
+    ],
+)
+def test_a_place_keeps_a_name_that_is_no_word_and_number(where, said):
+    assert effect_words.site(where) == said
+
+
 def test_every_effect_has_a_title_and_a_sentence_from_its_own_file():
     for name in REGISTRY:
         assert effect_words.title(name)[0].isupper() and "_" not in effect_words.title(name)

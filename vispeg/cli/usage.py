@@ -131,7 +131,7 @@ def one_line(framed: str) -> str:
             got = match[2].strip("'").replace("', '", " ")
             return str(UserError("is not understood", key=match[1], expected=expected, got=got))
     if sentences and (match := re.fullmatch(CHOICE, sentences[0])):
-        choices = re.findall(r"'(.*?)'", match[3])
+        choices = sorted({*re.findall(r"'(.*?)'", match[3])} - {"None"})  # no value is given by leaving it out
         return str(UserError("is not one of the choices", key=match[2], got=match[1], choices=choices))
     return "; ".join(sentences) or "bad arguments"
 

@@ -17,7 +17,7 @@ from vispeg.report.record import params_of
 from vispeg.report.text.quantities import number, plain, quantity
 
 TITLE = re.compile(r"[A-Z][\w -]{2,38}")  # a title is a few plain words
-NUMBERED = re.compile(r"([a-z]+?)_?(\d+)")
+NUMBERED = re.compile(r"([a-z]{4,}?)_?(\d+)")  # a word and a number; a short name such as `l1` stays as it is
 
 
 def summary(kind: Effect) -> str:
