@@ -9,12 +9,14 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from loops import iiwa_segment, recorded
 from made import recording
 from typed import typed
 
 import vispeg
 from vispeg.core.assets import assets
 from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
 from vispeg.identify.drives import sent
 from vispeg.recordings.checks.check import check
 from vispeg.recordings.checks.excitation import PARAMETERS, excitation, regressor
@@ -26,8 +28,9 @@ from vispeg.recordings.importers import fits
 from vispeg.recordings.noise import highpass_sigma, noise_from_repeats
 from vispeg.recordings.recording import Control
 from vispeg.recordings.write import write
-from vispeg.robots.model import load_for
+from vispeg.robots.model import load, load_for
 from vispeg.sim.units import check_units, needs_of
+from vispeg.worlds.world import World
 
 RATE = 500.0
 
@@ -129,6 +132,20 @@ def test_a_single_bad_reading_is_named_and_left_out(size, count):
     assert (joint.low, joint.high) == pytest.approx((clean.low, clean.high), abs=1e-3)
     said = " ".join(report.warnings)
     assert "joint1: " in said and "away and back" in said and ("sample 2719" in said or count > 1)
+
+
+def test_a_bad_reading_is_compared_as_an_empty_one():
+    """It had counted as a loop that loses the arm: a third of the recording was left out."""
+    rec = recorded(load("iiwa14"), "iiwa14", World(), iiwa_segment("position", 2.0), stream(8, 3))
+    bad, empty = (replace(rec, q=rec.q.copy()) for _ in range(2))
+    bad.q[700, 3] += 1.8
+    empty.q[700, 3] = np.nan
+    one, two = (vispeg.compare("iiwa14", r, threads=1).record for r in (bad, empty))
+    assert one["joints"] == two["joints"] and one["where_it_fails"] == two["where_it_fails"]
+    assert [line.partition(": ")[2] for line in one["notes"]] == [
+        "one angle jumps away and back (joint4; the first at 1.4 s): left out"
+    ]
+    assert "q.joint4" in two["notes"][0]
 
 
 def test_honest_motion_has_no_bad_readings():

@@ -18,6 +18,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.notes import note
 from vispeg.core.provenance import Provenance, digest, here
 from vispeg.core.several import each_once, several
+from vispeg.recordings.checks.spikes import cleared
 from vispeg.recordings.frames.files import FOLDER
 from vispeg.recordings.load import load, needed
 from vispeg.recordings.progress import Reading, silent
@@ -199,6 +200,7 @@ def _read(
             rec = load(source, None if signals is None else lambda header: (*signals(header), "dq"), progress)
     rec = _of_robot(rec, world, _path(source))
     check_units(rec)
+    rec = cleared(rec)
     if signals is needed and rec.control.mode != "osc":
         rec = replace(rec, dq=None)  # it was only needed to check the angles
     if rec.chosen is not None:

@@ -132,6 +132,7 @@ class Recording:
         chosen: the windows of a longer recording that this one consists of (`recordings.windows`), or None if whole.
         compared: (n,) bool, the samples at which a model is compared with it; the others are simulated all the same.
             None for all of them.
+        bad: (n, nj) bool, readings of the angles that were left out of `q` as outliers (`checks.spikes`), or None.
         clock: (n,) s, `elapsed` of a part of a recording, whose clock began before it; None for a whole one.
     """
 
@@ -165,6 +166,7 @@ class Recording:
     frames: Frames | None = None
     chosen: Chosen | None = None
     compared: np.ndarray | None = None
+    bad: np.ndarray | None = None
     clock: np.ndarray | None = None
 
     @property
@@ -185,7 +187,7 @@ class Recording:
 
     def some(self, rows: Any) -> Recording:
         """Select samples by the index `rows`; all frames are kept."""
-        names = ("time", "episode", "compared", *SIGNALS)
+        names = ("time", "episode", "compared", "bad", *SIGNALS)
         columns = {k: v[rows] for k in names if (v := getattr(self, k)) is not None}
         signals = {k: replace(s, values=s.values[rows]) for k, s in self.signals.items()}
         return replace(self, signals=signals, clock=self.elapsed[rows], **columns)
@@ -206,7 +208,7 @@ def in_order(rec: Recording, joints: Sequence[str]) -> Recording:
     if wanted == rec.joints or len(wanted) != len(rec.joints):
         return rec
     order = [rec.joints.index(joint) for joint in wanted]
-    signals = {name: value[:, order] for name in JOINT_SIGNALS if (value := getattr(rec, name)) is not None}
+    signals = {name: value[:, order] for name in (*JOINT_SIGNALS, "bad") if (value := getattr(rec, name)) is not None}
     control = rec.control
     if control.mode == "position" and control.kp is not None and control.kd is not None:
         control = replace(control, kp=control.kp[order], kd=control.kd[order])

@@ -63,9 +63,14 @@ def _begun(read: np.ndarray, time: np.ndarray, least: float) -> int | None:
 
 
 def said(rec: Recording) -> list[str]:
-    """Word what is missing of the signals that a comparison uses: a line on readings, and one on rows, where any is."""
+    """Word what is missing of the signals that a comparison uses: lines on readings, bad readings, and rows."""
     parts = [part for name in compared(rec) if (part := _missing(rec, name))]
     out = [f"{rec.name}: missing: {'; '.join(parts)}; readings are left out, commands bridged"] if parts else []
+    if rec.bad is not None and rec.bad.any():
+        which = ", ".join(joint for joint, bad in zip(rec.joints, rec.bad.T, strict=True) if bad.any())
+        many = "one angle jumps" if rec.bad.sum() == 1 else f"{rec.bad.sum()} angles jump"
+        first = rec.elapsed[rec.bad.any(axis=1).argmax()]
+        out.append(f"{rec.name}: {many} away and back ({which}; the first at {first:.6g} s): left out")
     ends = [rows[k] for rows in episodes(rec.time, rec.episode) for k in _lost(rec, rows, _long(rec, rows))]
     if ends:
         worst = max(ends, key=lambda k: rec.time[k + 1] - rec.time[k])
@@ -86,9 +91,11 @@ def compared(rec: Recording) -> tuple[str, ...]:
 def _missing(rec: Recording, name: str) -> str:
     """Word how much of a signal is missing in its worst column; "" if nothing is."""
     values = getattr(rec, name)
-    if values is None or np.isfinite(values).all():
+    if values is None:
         return ""
-    lost = np.isnan(values)
+    lost = np.isnan(values) & ~rec.bad if name == "q" and rec.bad is not None else np.isnan(values)
+    if not lost.any():
+        return ""
     j = int(np.argmax(lost.mean(axis=0)))
     spans = [(rows[0], *longest(lost[rows, j])) for rows in episodes(rec.time, rec.episode)]
     start, first, stop = max(spans, key=lambda span: span[2] - span[1])

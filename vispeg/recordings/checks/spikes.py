@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vispeg.recordings.checks.quality import quantization
+from vispeg.recordings.recording import Recording
 
 WIDTH = 5  # samples of the running median, which ignores bursts of one or two
 SIGMAS = 12.0  # least deviation of a bad reading from the running median, in standard deviations of all deviations
@@ -64,3 +65,11 @@ def without(q: np.ndarray, bad: tuple[Spike, ...]) -> np.ndarray:
     out = q.copy()
     out[[spike.row for spike in bad]] = np.nan
     return out
+
+
+def cleared(rec: Recording) -> Recording:
+    """Return the recording without the bad readings of its angles, which `Recording.bad` marks; itself if none is."""
+    bad = np.zeros(rec.q.shape, bool)
+    for j, column in enumerate(rec.q.T):
+        bad[[spike.row for spike in spikes(rec.elapsed, column)], j] = True
+    return replace(rec, q=np.where(bad, np.nan, rec.q), bad=bad) if bad.any() else rec
