@@ -18,7 +18,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.notes import note
 from vispeg.core.provenance import Provenance, digest, here
 from vispeg.core.several import each_once, several
-from vispeg.recordings.checks.spikes import cleared
+from vispeg.recordings.checks.cleared import cleared
 from vispeg.recordings.frames.files import FOLDER
 from vispeg.recordings.load import load, needed
 from vispeg.recordings.progress import Reading, silent

@@ -245,7 +245,8 @@ class Evidence(Freedom):
         if not long:
             raise UserError(f"too short to compare: every episode lasts under {2 * settle} s", file=rec.path)
         for segment in long:
-            thin = slice(None, None, stride)
+            fresh = np.ones(len(segment.rows), bool) if rec.held is None else ~rec.held[segment.rows]
+            thin = np.flatnonzero(fresh)[::stride]
             segment = replace(segment, time=segment.time[thin], rows=segment.rows[thin])
             late = (segment.time >= settle)[:, None]
             if rec.compared is not None:

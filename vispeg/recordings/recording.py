@@ -133,6 +133,7 @@ class Recording:
         compared: (n,) bool, the samples at which a model is compared with it; the others are simulated all the same.
             None for all of them.
         bad: (n, nj) bool, readings of the angles that were left out of `q` as outliers (`checks.spikes`), or None.
+        held: (n,) bool, samples whose readings were repeats, in place of which `q` and `tau` have lines, or None.
         clock: (n,) s, `elapsed` of a part of a recording, whose clock began before it; None for a whole one.
     """
 
@@ -167,6 +168,7 @@ class Recording:
     chosen: Chosen | None = None
     compared: np.ndarray | None = None
     bad: np.ndarray | None = None
+    held: np.ndarray | None = None
     clock: np.ndarray | None = None
 
     @property
@@ -187,7 +189,7 @@ class Recording:
 
     def some(self, rows: Any) -> Recording:
         """Select samples by the index `rows`; all frames are kept."""
-        names = ("time", "episode", "compared", "bad", *SIGNALS)
+        names = ("time", "episode", "compared", "bad", "held", *SIGNALS)
         columns = {k: v[rows] for k in names if (v := getattr(self, k)) is not None}
         signals = {k: replace(s, values=s.values[rows]) for k, s in self.signals.items()}
         return replace(self, signals=signals, clock=self.elapsed[rows], **columns)

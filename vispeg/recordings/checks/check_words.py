@@ -54,7 +54,7 @@ def _spike_words(bad: Sequence[Spike]) -> str:
     many = f"{len(bad)} readings jump" if len(bad) > 1 else "one reading jumps"
     largest = ", the largest" if len(bad) > 1 else ""
     where = f"{worst.size:+.3g} rad at {worst.time:.6g} s (sample {worst.row + 1})"
-    return f"{many} away and back{largest} by {where}: bad; left out here and in comparisons, and best left empty in the file"
+    return f"{many} away and back{largest} by {where}: bad; left out, and best left empty in the file"
 
 
 def _silence_warnings(joints: Sequence[JointCheck], rec: Recording) -> list[str]:

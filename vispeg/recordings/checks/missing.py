@@ -71,6 +71,9 @@ def said(rec: Recording) -> list[str]:
         many = "one angle jumps" if rec.bad.sum() == 1 else f"{rec.bad.sum()} angles jump"
         first = rec.elapsed[rec.bad.any(axis=1).argmax()]
         out.append(f"{rec.name}: {many} away and back ({which}; the first at {first:.6g} s): left out")
+    if rec.held is not None and rec.held.any():
+        share = f"{100 * rec.held.mean():.2g} % of the rows"
+        out.append(f"{rec.name}: {share} repeat the angles of an earlier one: not compared, as they are late")
     ends = [rows[k] for rows in episodes(rec.time, rec.episode) for k in _lost(rec, rows, _long(rec, rows))]
     if ends:
         worst = max(ends, key=lambda k: rec.time[k + 1] - rec.time[k])

@@ -11,6 +11,7 @@ import numpy as np
 PLATEAU_S = 0.01  # s: an extreme that is held exactly for longer is clipping, not a smooth peak
 AT_LIMIT = 0.99  # share of a known limit from which a torque may be clipped
 MIN_PLATEAU = 5  # samples
+QUANTA = 3.0  # quantization steps of an encoder, least change that is no mere switch between two of them
 FEWEST = 5  # differences of readings from which a step shows
 NOISE_OF_TEXT = 1e-8  # step relative to the largest value: coarser steps are the sensor's, finer ones text rounding
 

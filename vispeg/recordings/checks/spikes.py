@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from vispeg.recordings.checks.quality import quantization
-from vispeg.recordings.recording import Recording
+from vispeg.recordings.checks.quality import QUANTA, quantization
 
 WIDTH = 5  # samples of the running median, which ignores bursts of one or two
 SIGMAS = 12.0  # least deviation of a bad reading from the running median, in standard deviations of all deviations
 LOCAL = 5.0  # least deviation, in usual steps between samples nearby: in fast motion all steps are large
 LEAST = 1e-3  # rad, least deviation
-QUANTA = 3.0  # least deviation, in quantization steps of the encoder
 NEAR = 51  # number of steps before and after a reading whose 80 % quantile is the usual step
 
 
@@ -65,11 +63,3 @@ def without(q: np.ndarray, bad: tuple[Spike, ...]) -> np.ndarray:
     out = q.copy()
     out[[spike.row for spike in bad]] = np.nan
     return out
-
-
-def cleared(rec: Recording) -> Recording:
-    """Return the recording without the bad readings of its angles, which `Recording.bad` marks; itself if none is."""
-    bad = np.zeros(rec.q.shape, bool)
-    for j, column in enumerate(rec.q.T):
-        bad[[spike.row for spike in spikes(rec.elapsed, column)], j] = True
-    return replace(rec, q=np.where(bad, np.nan, rec.q), bad=bad) if bad.any() else rec

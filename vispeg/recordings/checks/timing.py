@@ -6,8 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.recordings.checks.quality import QUANTA, quantization
 from vispeg.recordings.recording import Recording
 
+MOVED = 0.25  # usual changes of a joint, least change after a held reading: an arm that starts from rest changes less
+HELD = 0.15  # s, a sensor's slowest usual period (10 Hz) and half of it
 GAP = 1.5  # sample periods: a longer step means that at least one sample was lost
 
 
@@ -67,7 +70,7 @@ def timing(rec: Recording) -> Timing:
         jitter=float(np.sqrt(np.mean(even**2))) if len(even) else 0.0,
         jitter_max=float(np.abs(even).max()) if len(even) else 0.0,
         gaps=gaps,
-        repeated=_repeated(rec, inside),
+        repeated=int(held(rec.time, rec.q, inside).sum()),
         zeroed=_zeroed(rec.q),
         duration_s=float(good.sum()),
         episodes=int(np.sum(~inside)) + 1,
@@ -81,20 +84,31 @@ def within_episode(rec: Recording) -> np.ndarray:
     return np.diff(rec.episode) == 0
 
 
-def _repeated(rec: Recording, inside: np.ndarray) -> int:
-    """Count repeated rows: an arm that moves before and after a row cannot read exactly the same in every joint."""
-    same, step = inside.copy(), np.zeros(len(inside))
-    for column in rec.q.T:
-        change = np.diff(column)
-        same &= change == 0
-        step = np.maximum(step, np.abs(np.nan_to_num(change)))
-    for column in () if rec.tau is None else rec.tau.T:
-        same &= np.diff(column) == 0
-    # The steps before and after must exceed a typical one: a coarse encoder on a slow arm repeats genuine readings.
-    usual = np.median(step[step > 0]) if np.any(step > 0) else np.inf
-    large = np.pad((step >= usual).astype(np.int8), 1)
-    moving = large[:-2] + large[2:] == 2
-    return int(np.sum(same & moving))
+def held(time: np.ndarray, values: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Return the rows (n,) bool that repeat the row before, bit for bit in every joint, while the arm moved.
+
+    A reading that lasts for longer than HELD is no repeat: the arm may stand. It moved if the next row that differs (at
+    the end of an episode, the last one) does so by more than MOVED usual changes of a joint and QUANTA quantization
+    steps: an arm that starts from rest and a coarse encoder repeat genuine readings.
+
+    Args:
+        time: (n,) s.
+        values: (n, nj) readings, NaN where missing.
+        inside: (n - 1,) bool, steps from one row to the next within an episode.
+    """
+    step = np.abs(np.diff(values, axis=0))
+    same = inside & (step == 0).all(axis=1)
+    if not same.any():
+        return np.zeros(len(values), bool)
+    quanta = np.array([quantization(column) or 0.0 for column in values.T])
+    usual = np.array([np.median(column[column > 0]) if (column > 0).any() else np.inf for column in step.T])
+    moved = np.any(np.nan_to_num(step) > np.maximum(QUANTA * quanta, MOVED * usual), axis=1)
+    rows, ends = np.arange(len(same)), np.append(~inside, True)
+    after = np.minimum.accumulate(np.where(same, len(same), rows)[::-1])[::-1]  # the next step that is not 0
+    before = np.maximum.accumulate(np.where(same, -1, rows))  # the last one
+    told = np.where(ends[after], before, after)
+    short = time[np.minimum(after + 1, len(time) - 1)] - time[before + 1] < HELD
+    return np.append(False, same & short & (told >= 0) & moved[told])
 
 
 def _zeroed(q: np.ndarray) -> int:
