@@ -1,5 +1,7 @@
 """Pegs and holes from files: hexagons made here, whose clearance, mass and volume are known."""
 
+import os
+
 import mujoco
 import numpy as np
 import pytest
@@ -139,6 +141,18 @@ def test_pieces_are_kept_on_disk(files):
         kept[0].write_bytes(content)
         again = user_shapes.read(path, "hole_mesh", 1e-3, CONCAVITY).pieces
         assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
+
+
+def test_another_mesh_of_the_same_name_and_time_is_read_and_decomposed_itself(files, tmp_path):
+    """`cp -p` and archives keep times. The pieces on disk, too, are those of the mesh under whose hash they are."""
+    mesh = tmp_path / "hole.obj"
+    for apothem, concavity in ((APOTHEM + 1, 0.05), (APOTHEM + 4, 0.06), (APOTHEM + 4, 0.05)):
+        holed(apothem).export(mesh)
+        os.utime(mesh, (1, 1))
+        shape = user_shapes.read(str(mesh), "hole_mesh", 1e-3, concavity)
+        assert shape.volume == pytest.approx(1e-9 * holed(apothem).volume, rel=1e-6)
+        filled = sum(trimesh.convex.convex_hull(piece).volume for piece in shape.pieces)
+        assert filled == pytest.approx(shape.volume, rel=0.02)
 
 
 def test_the_room_between_outlines_is_found():

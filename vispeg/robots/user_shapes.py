@@ -120,8 +120,8 @@ def thing(file: str, key: str, scale: float) -> UserThing:
 
 
 @lru_cache(maxsize=64)
-def _thing(file: str, stamp: int, key: str, scale: float) -> UserThing:
-    mesh = _mesh(file, stamp, key, scale, closed=False)
+def _thing(file: str, data: bytes, key: str, scale: float) -> UserThing:
+    mesh = _mesh(file, data, key, scale, closed=False)
     low, high = mesh.bounds
     if high[2] - low[2] > FLAT:
         expected = f"at most {1e3 * FLAT:g} mm along z, so that the gripper moves over it"
@@ -156,20 +156,19 @@ def size(file: str, key: str, scale: float) -> np.ndarray:
     return high - low
 
 
-def _found(file: str, key: str) -> tuple[str, int]:
-    """Return a file's path and when it was last modified, ns, so that an edited file is read again."""
+def _found(file: str, key: str) -> tuple[str, bytes]:
+    """Return a file's path and content. Caches go by the content: a copy may keep the time of the file it replaces."""
     path = expanded(file)
     if not path.is_file():
         raise UserError("no such mesh", file=file, key=key)
-    return str(path.resolve()), path.stat().st_mtime_ns
+    return str(path.resolve()), path.read_bytes()
 
 
 @lru_cache(maxsize=16)
-def _mesh(file: str, stamp: int, key: str, scale: float, closed: bool = True) -> Any:
+def _mesh(file: str, data: bytes, key: str, scale: float, closed: bool = True) -> Any:
     """Return the mesh in a file, in m; with `closed`, raise UserError for a surface with gaps."""
     import trimesh
 
-    data = Path(file).read_bytes()
     try:
         mesh = trimesh.load(io.BytesIO(data), file_type=Path(file).suffix.lstrip(".").lower(), force="mesh")
         mesh.merge_vertices(merge_norm=True, merge_tex=True)
@@ -192,9 +191,9 @@ def _mesh(file: str, stamp: int, key: str, scale: float, closed: bool = True) ->
 
 @lru_cache(maxsize=16)
 def _read(
-    file: str, stamp: int, key: str, scale: float, concavity: float, origin: tuple[float, ...], tip: bool
+    file: str, data: bytes, key: str, scale: float, concavity: float, origin: tuple[float, ...], tip: bool
 ) -> UserShape:
-    mesh = _mesh(file, stamp, key, scale).copy()
+    mesh = _mesh(file, data, key, scale).copy()
     low, high = mesh.bounds
     start = np.array([0.0, 0.0, low[2]]) if tip else np.array([*(low + high)[:2] / 2, high[2]])
     if origin:
@@ -203,7 +202,7 @@ def _read(
         pieces: tuple[np.ndarray, ...] = (np.array(mesh.vertices),)
     else:
         # 1 is the version of cached pieces: a change of it makes them invalid
-        digest = hashlib.sha256(Path(file).read_bytes() + repr((1, scale, concavity)).encode()).hexdigest()
+        digest = hashlib.sha256(data + repr((1, scale, concavity)).encode()).hexdigest()
         pieces = _pieces(np.array(mesh.vertices), np.array(mesh.faces), concavity, digest, key)
     mesh.apply_translation(-start)
     vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
