@@ -95,13 +95,14 @@ def of(tool: str) -> tuple[Gripper, str] | None:
 
 
 def stamp(tool: object) -> tuple[int, ...]:
-    """Return when a tool's file and those that it includes were last modified, ns; empty if the tool is not a file."""
+    """Return `resources.stamp` of a tool's file; empty if the tool is not a file."""
     match = FILE.fullmatch(tool) if isinstance(tool, str) else None
     return resources.stamp(match[1]) if match and is_file(match[1]) else ()
 
 
 @lru_cache(maxsize=8)
 def _read(path: Path, stamp: tuple[int, ...]) -> Gripper:
+    resources.forget_meshes()
     spec, _ = read_mjcf(path)
     for group in (spec.tendons, spec.equalities, spec.pairs, spec.excludes, spec.lights, spec.cameras, spec.joints):
         for element in list(group):

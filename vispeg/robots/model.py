@@ -22,7 +22,7 @@ from vispeg.robots.arm import prepare
 from vispeg.robots.declare import RobotConfig
 from vispeg.robots.examples import write_mjcf, write_urdf
 from vispeg.robots.mjcf import read_mjcf
-from vispeg.robots.resources import stamp
+from vispeg.robots.resources import forget_meshes, stamp
 from vispeg.robots.urdf import read_urdf
 
 GRAVITY = 9.81  # m/s^2
@@ -157,11 +157,12 @@ def _load(
 ) -> RobotModel:
     """Build the robot of a file, or the built-in one for ""; arguments are as in `load`, made hashable for the cache.
 
-    `stamps` are the times of modification of the robot's and the tool's files, ns. They are only part of the key.
+    `stamps` are those of the robot's and the tool's files. They are only part of the key.
     """
     home: tuple[float, ...] = ()
     if file:
         path = Path(file)
+        forget_meshes()
         spec, limits = read_urdf(path) if path.suffix.lower() == ".urdf" else read_mjcf(path)
         name, source = path.stem, file
     else:

@@ -19,7 +19,7 @@ from vispeg.core.paths import expanded
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import is_file
 from vispeg.robots.arm import REFUSALS
-from vispeg.robots.resources import check_resources
+from vispeg.robots.resources import check_resources, forget_meshes
 
 FREE = mujoco.mjtJoint.mjJNT_FREE
 SUFFIXES = (".xml", ".mjcf")
@@ -97,6 +97,7 @@ def load_object(source: str | Path) -> ObjectModel:
     if not is_file(path):
         raise UserError("no such file", file=path, expected="an MJCF (.xml) of one free body")
     check_resources(path)
+    forget_meshes()
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         spec.compiler.fusestatic = True  # bodies fixed to each other become one, on all of which effects act

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
+import mujoco
+
 from vispeg.core.errors import UserError
 from vispeg.core.paths import expanded
 from vispeg.formats.guard import MB, is_file, opened, read_text
@@ -50,15 +52,25 @@ def files_of(path: str | Path) -> list[Path]:
         return [Path(path)]  # its reader reports it
     files = [expanded(path).resolve()]
     for file in files if files[0].suffix.lower() != ".urdf" else ():  # `files` grows in the loop
-        mentioned = (files[0].parent / name for name in _mentioned(file, file.stat().st_mtime_ns).parts)
+        mentioned = (files[0].parent / name for name in _mentioned(file, _changed(file)).parts)
         files += [f for f in dict.fromkeys(m.resolve() for m in mentioned if is_file(m)) if f not in files]
     return files
 
 
 def stamp(path: str | Path) -> tuple[int, ...]:
-    """Return when a robot's file, the files that it includes, its meshes and textures were last modified, ns."""
+    """Return when a robot's file, the files that it includes, its meshes and textures were last changed, ns."""
     files = files_of(path)
-    return tuple(file.stat().st_mtime_ns for file in (*files, *_assets(files)))
+    return tuple(_changed(file) for file in (*files, *_assets(files)))
+
+
+def _changed(file: Path) -> int:
+    """Return when a file was last changed, ns. Unlike its time of modification, a copy cannot keep it (`cp -p`)."""
+    return file.stat().st_ctime_ns
+
+
+def forget_meshes() -> None:
+    """Empty MuJoCo's cache of meshes, which takes a file that is edited twice in a second for unchanged."""
+    mujoco.mj_clearCache(mujoco.mj_getCache())
 
 
 def digest(path: str | Path) -> str:
@@ -75,7 +87,7 @@ def _assets(files: Sequence[Path]) -> list[Path]:
 
     Each is looked for in every folder that any of the files states.
     """
-    mentioned = [_mentioned(file, file.stat().st_mtime_ns) for file in files if is_file(file)]
+    mentioned = [_mentioned(file, _changed(file)) for file in files if is_file(file)]
     stated = dict.fromkeys(["", *(folder for m in mentioned for folder in m.folders)])
     folders, names = [file.parent / name for file in files for name in stated], [n for m in mentioned for n in m.assets]
     tries = [locate(tried, at) for name in names for at in folders for tried in (name, Path(name).name)]
