@@ -318,6 +318,33 @@ def test_what_another_process_put_aside_is_left_to_it(tmp_path, begun):
     assert (target / "x").read_text() == "old" and [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
+REMOVING = """
+import os, signal, sys
+from pathlib import Path
+from vispeg.core.files import new_folder
+
+def killed(*_):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+with new_folder(sys.argv[1], overwrite=True) as folder:
+    (folder / "x").write_text("new")
+    os.unlink = killed
+"""
+
+
+def test_a_folder_whose_removal_was_killed_half_way_does_not_come_back(tmp_path):
+    """Not even if what replaced it is removed by hand."""
+    target = tmp_path / "out"
+    with new_folder(target) as folder:
+        (folder / "x").write_text("old")
+    done = subprocess.run([sys.executable, "-c", REMOVING, str(target)], cwd=Path(__file__).parents[2])
+    assert done.returncode == -signal.SIGKILL and (target / "x").read_text() == "new"
+    shutil.rmtree(target)
+    with new_folder(target) as folder:
+        (folder / "x").write_text("newer")
+    assert (target / "x").read_text() == "newer" and [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
 @pytest.mark.parametrize("fault", ["kept", "rename"])
 def test_a_folder_put_aside_is_not_removed_unless_it_is_replaced(tmp_path, monkeypatch, fault):
     """Neither where it is not known whether the new one is worth keeping, nor where it cannot be put back."""

@@ -342,7 +342,9 @@ def test_a_run_is_replaced_on_request_alone_and_is_there_again_if_the_new_one_ne
 
 
 @pytest.mark.parametrize("command", ["train", "resume"])
-def test_a_run_put_aside_by_one_that_was_killed_is_there_again_for_any_other(tmp_path, command):
+@pytest.mark.parametrize("at", ["its beginning", "its first evaluation"])
+def test_a_run_put_aside_by_one_that_was_killed_is_there_again_for_any_other(tmp_path, monkeypatch, command, at):
+    """The old run is kept until the new one has a checkpoint."""
     run = tmp_path / "run"
     train(config(steps=320), run, make("state"), show=False)
     first = {p.relative_to(run): p.read_bytes() for p in run.rglob("*") if p.is_file()}
@@ -351,9 +353,12 @@ def test_a_run_put_aside_by_one_that_was_killed_is_there_again_for_any_other(tmp
         os.kill(os.getpid(), signal.SIGKILL)
 
     if (child := os.fork()) == 0:
-        train(config(steps=320), run, killed, show=False, overwrite=True)
+        if at == "its beginning":
+            train(config(steps=320), run, killed, show=False, overwrite=True)
+        monkeypatch.setattr("vispeg.learn.train.SacRun.evaluate", killed)
+        train(config(steps=320, seed=2), run, make("state"), show=False, overwrite=True)
     os.waitpid(child, 0)
-    assert not run.exists()
+    assert run.exists() == (at == "its first evaluation")
     if command == "resume":
         assert resume(run, make=make("state"), show=False).is_dir()
         assert (run / "progress.csv").read_bytes() == first[Path("progress.csv")]

@@ -52,7 +52,6 @@ def new_folder(
         part = _sibling(target)
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
-            remove_abandoned(target)
             part.mkdir()
         except OSError as error:
             raise UserError(f"cannot be written: {why(error)}", file=path) from error
@@ -96,8 +95,8 @@ def set_aside(path: str | Path, kept: Callable[[], bool]) -> Iterator[None]:
     """Move a folder aside while the body makes a new one of the same name, and remove the old one afterwards.
 
     For work that, unlike the body of `new_folder`, uses its folder under the final name from the start. If the body
-    raises before the new folder holds something to keep, the old folder is put back in its place. If the process is
-    killed, the next `recover` removes the old folder.
+    raises before the new folder holds something to keep, the old folder is put back in its place; if the process is
+    killed before that, `recover` with the same `kept` puts it back.
 
     Args:
         path: of the folder, which must exist.
@@ -124,9 +123,10 @@ def set_aside(path: str | Path, kept: Callable[[], bool]) -> Iterator[None]:
                 what = f"cannot be put back as it was: {why(error)}; move its content from {old} before the next run"
                 raise UserError(what, file=path) from error
             shutil.rmtree(failed, ignore_errors=True)
-        shutil.rmtree(old, ignore_errors=True)
+        else:
+            _discard(old, target)
         raise
-    shutil.rmtree(old, ignore_errors=True)
+    _discard(old, target)
 
 
 def refuse(
@@ -152,16 +152,39 @@ def refuse(
         refuse_foreign(target, holds, path)
 
 
-def recover(target: Path) -> None:
-    """Restore the content of `target` if a process was killed while it replaced it, and remove leftovers."""
+def recover(target: Path, kept: Callable[[], bool] = lambda: True) -> bool:
+    """Restore the content of `target` if a process was killed while it replaced it, and remove leftovers.
+
+    Args:
+        target: a resolved path.
+        kept: whether an existing `target` holds something to keep. If not, what was put aside for it comes back.
+
+    Returns:
+        Whether the content was restored.
+    """
     if not target.parent.is_dir():
-        return
-    set_aside = _siblings(target, "old")
+        return False
+    set_aside, restored = _siblings(target, "old"), False
     with suppress(OSError):
-        if set_aside and not target.exists():
+        if set_aside and not (target.exists() and kept()):
+            if target.exists():
+                _discard(target, target)
             os.replace(set_aside.pop(), target)  # the newest
+            restored = True
         for old in set_aside:
-            shutil.rmtree(old, ignore_errors=True)
+            _discard(old, target)
+        remove_abandoned(target)
+    return restored
+
+
+def _discard(folder: Path, target: Path) -> None:
+    """Remove a folder beside `target`, or `target` itself, if possible.
+
+    It is renamed first: `recover` must not restore what is left of it if the removal stops half-way.
+    """
+    with suppress(OSError):
+        os.replace(folder, doomed := _sibling(target))
+        shutil.rmtree(doomed, ignore_errors=True)
 
 
 def remove_abandoned(target: Path) -> None:
@@ -354,6 +377,6 @@ def _swap(part: Path, target: Path) -> None:
         except BaseException:
             os.replace(old, target)
             raise
-        shutil.rmtree(old, ignore_errors=True)
+        _discard(old, target)
     except OSError as error:
         raise UserError(f"cannot be replaced: {why(error)}", file=target) from error

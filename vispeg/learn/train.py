@@ -10,6 +10,7 @@ from pathlib import Path
 from vispeg.core.errors import UserError
 from vispeg.core.files import recover, set_aside
 from vispeg.core.lock import LOCK, claimed
+from vispeg.core.notes import note
 from vispeg.learn.config import TrainConfig, read_config
 from vispeg.learn.curves.progress import Table
 from vispeg.learn.envs import MakeEnv
@@ -37,7 +38,7 @@ def train(
         UserError: the folder holds something else, the configuration cannot be run, or another process trains there.
     """
     with claimed(folder):
-        recover(folder.resolve())
+        _recover(folder)
         if not folder.exists() or (folder.is_dir() and {p.name for p in folder.iterdir()} <= {LOCK}):
             return _begin(config, folder, make, show)
         if overwrite:
@@ -50,6 +51,14 @@ def train(
         if (folder / "config.yaml").exists():  # missing where a full disk stopped the run early
             return resume(folder, make=make, show=show)
         return _begin(config, folder, make, show)
+
+
+def _recover(folder: Path) -> None:
+    """Put a run back that `overwrite` put aside, unless the one that replaces it has something to keep."""
+    if recover(folder.resolve(), lambda: is_kept(folder)):
+        note(
+            f"{folder}: the run that --overwrite was to replace is back, as the new one was killed too early to be kept"
+        )
 
 
 def _begin(config: TrainConfig, folder: Path, make: MakeEnv | None, show: bool) -> Path:
@@ -77,7 +86,7 @@ def resume(folder: Path, steps: int | None = None, make: MakeEnv | None = None, 
     """
     if folder.resolve().parent.is_dir():  # else the lock would make it
         with claimed(folder):
-            recover(folder.resolve())  # before anything is read: the run may have been put aside
+            _recover(folder)  # before anything is read: the run may have been put aside
     config = read_config(folder / "config.yaml")
     if steps is not None and config.recipe == "distill":
         expected = "a new run, with more --distill-steps or of the recipe distill+sac"
