@@ -107,7 +107,7 @@ def held(time: np.ndarray, values: np.ndarray, inside: np.ndarray) -> np.ndarray
     after = np.minimum.accumulate(np.where(same, len(same), rows)[::-1])[::-1]  # the next step that is not 0
     before = np.maximum.accumulate(np.where(same, -1, rows))  # the last one
     told = np.where(ends[after], before, after)
-    short = time[np.minimum(after + 1, len(time) - 1)] - time[before + 1] < HELD
+    short = time[np.where(ends[after], after, np.minimum(after + 1, len(same)))] - time[before + 1] < HELD
     return np.append(False, same & short & (told >= 0) & moved[told])
 
 
