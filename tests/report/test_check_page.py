@@ -73,12 +73,20 @@ def test_gaps_bad_readings_and_saturation_are_drawn_where_they_are(page):
     truth = 0.8 * np.sin(np.pi * SPIKE / RATE) + 0.2
     assert bad[0][dots] == pytest.approx(truth, abs=1e-3)
     q = decoded(track["arrays"]["q"])[0]
+    assert np.isnan(q[(time > start) & (time < stop)]).any(), "no line bridges the gap"
     near = np.abs(time - SPIKE / RATE) < 0.02
     assert np.nanmax(np.abs(q[near] - 0.8 * np.sin(np.pi * time[near]))) < 0.05, "no line goes to a bad reading"
     clipped = decoded(track["arrays"]["tau_clipped"])
     assert np.isnan(clipped[0]).all() and np.nanmax(np.abs(clipped[1] - 9.0)) < 1e-3
     inside = time[np.isfinite(clipped[1])]
     assert inside.min() >= STUCK.start / RATE - 0.02 and inside.max() <= STUCK.stop / RATE + 0.02
+
+
+@pytest.mark.parametrize("n", [3000, N])
+def test_no_line_leads_from_one_episode_to_the_next(n):
+    rec = recording(n, RATE, episode=np.repeat([0, 1], n // 2))
+    for signal in made(rec).signals.arrays.values():
+        assert np.isnan(signal[len(signal) // 2 - 3 : len(signal) // 2 + 3]).any()
 
 
 def test_the_page_says_what_the_terminal_says(page):

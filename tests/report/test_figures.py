@@ -9,9 +9,10 @@ import pytest
 from matplotlib import rc_context
 
 from vispeg.core.errors import UserError
+from vispeg.core.lines import thin
 from vispeg.core.seeds import stream
 from vispeg.report.drawings.camera_residuals import residual_figure
-from vispeg.report.drawings.figures import WIDE, legend, new_figure, saved, styled, svg, thin
+from vispeg.report.drawings.figures import WIDE, legend, new_figure, saved, styled, svg
 from vispeg.report.drawings.signature import signature_panels
 from vispeg.report.drawings.strips import interval_strip, place
 from vispeg.report.evidence import ResidualMap

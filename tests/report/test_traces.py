@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from vispeg.core.errors import UserError
+from vispeg.core.lines import thinned, thinned_time
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.traces import Trace
 from vispeg.diagnosis.traces import arrays as kept
 from vispeg.report.evidence import evidence_of
 from vispeg.report.live.arm import arm_arrays, stage
-from vispeg.report.live.traces import Line, Panel, Track, coded, thinned, thinned_time, widget
+from vispeg.report.live.traces import Line, Panel, Track, coded, widget
 from vispeg.report.record import Record
 from vispeg.report.sections import wrench
 from vispeg.report.sections.measured_vs_model import interactive
@@ -54,6 +55,17 @@ def test_a_contact_in_the_last_samples_of_a_long_recording_is_drawn():
     rows, clock = thinned(force, 300), thinned_time(time, 300)
     assert rows.max() == 5.0 and rows[clock < 99.0].max() == 0.0
     assert time[-1] - clock[-1] < 0.5
+
+
+@pytest.mark.parametrize("every", [1, 7])
+def test_a_gap_shorter_than_an_interval_stays_and_a_slower_line_has_none(every):
+    rows, time = np.arange(100_000), np.arange(100_000) / 1000.0
+    values = np.where(rows % every == 0, np.sin(time), np.nan)[:, None]
+    assert np.isfinite(thinned(values, 300)).all()
+    values[40_005:40_030] = np.nan
+    kept, clock = thinned(values, 300), thinned_time(time, 300)
+    (at,) = clock[np.isnan(kept[:, 0])]
+    assert at == pytest.approx(40.02, abs=1.0)
 
 
 def test_a_line_without_its_array_is_not_offered_and_markup_in_names_stays_text():

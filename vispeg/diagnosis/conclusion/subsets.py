@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 
+from vispeg.core.lines import thinned, thinned_time
 from vispeg.identify.channels import Item
 from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
@@ -86,21 +87,10 @@ def _joint_errors(judged: Evidence, predicted: Sequence[np.ndarray]) -> np.ndarr
 
 
 def _drawn(item: Item, predicted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return time (p,) and residual (m, p, nj) for a picture; a long one has two points for each of p / 2 stretches.
-
-    These are the minimum and the maximum there.
-    """
+    """Return time (p,) and residual (m, p, nj) of m models for a picture, thinned to at most POINTS samples."""
     valid = item.valid[:, : item.nj]
     residual = np.where(valid, item.measured[:, : item.nj] - predicted[:, :, : item.nj], np.nan)
-    n = len(item.segment.time)
-    if n <= POINTS:
-        return item.segment.time, residual.astype(np.float32)
-    parts = np.array_split(np.arange(n), POINTS // 2)
-    time = np.array([item.segment.time[[p[0], p[len(p) // 2]]] for p in parts]).ravel()
-    out = np.full((len(residual), len(time), item.nj), np.nan, np.float32)
-    for i, part in enumerate(parts):
-        stretch = residual[:, part]
-        empty = np.isnan(stretch).all(axis=1)
-        out[:, 2 * i] = np.where(empty, np.nan, np.where(np.isnan(stretch), np.inf, stretch).min(axis=1))
-        out[:, 2 * i + 1] = np.where(empty, np.nan, np.where(np.isnan(stretch), -np.inf, stretch).max(axis=1))
-    return time, out
+    m, n, nj = residual.shape
+    lines = thinned(residual.transpose(1, 0, 2).reshape(n, m * nj), POINTS)
+    time = thinned_time(item.segment.time, POINTS)
+    return time, lines.reshape(len(time), m, nj).transpose(1, 0, 2).astype(np.float32)

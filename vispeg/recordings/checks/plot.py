@@ -6,11 +6,12 @@ from io import BytesIO
 
 import numpy as np
 
+from vispeg.core.lines import thin
 from vispeg.recordings.checks.check import CheckReport
 from vispeg.recordings.checks.joint_check import smoothed
 from vispeg.recordings.checks.quality import Limits, saturated
 from vispeg.recordings.checks.spikes import without
-from vispeg.recordings.checks.timing import within_episode
+from vispeg.recordings.checks.timing import Timing, within_episode
 from vispeg.recordings.recording import Recording
 
 MEASURED, COMMANDED, LIMIT, LOST, CLIPPED = "#1f5a94", "#e07b39", "#888888", "#d62728", "#b30000"
@@ -23,13 +24,19 @@ def plot(rec: Recording, report: CheckReport, limits: Limits | None = None) -> b
 
     Gaps are red bands; bad readings and saturated torque are thick red dots; limits are dashed where the motion comes
     near them. A long recording is thinned to the lowest and highest value of every stretch, so that peaks stay visible.
+    Lines end at gaps and at the end of an episode.
     """
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib.figure import Figure
 
-    time = laid_out(rec)
+    time, ends = laid_out(rec), line_ends(rec, report.timing)
+    lined = cut(time, ends, between=True)
+
+    def line(axis, values, colour: str, width: float) -> None:
+        axis.plot(*thin(lined, cut(values, ends), MAX_POINTS), color=colour, lw=width)
+
     torque, torque_name = (rec.tau, "measured") if rec.tau is not None else (rec.tau_cmd, "commanded")
     nj = len(rec.joints)
     figure = Figure(figsize=(13, 0.8 + 1.35 * nj), dpi=110, layout="constrained")
@@ -38,16 +45,16 @@ def plot(rec: Recording, report: CheckReport, limits: Limits | None = None) -> b
         position, velocity, effort = axes[j]
         spikes = report.joints[j].spikes
         if rec.q_cmd is not None:
-            position.plot(*_thin(time, rec.q_cmd[:, j]), color=COMMANDED, lw=0.8)
-        position.plot(*_thin(time, without(rec.q[:, j], spikes)), color=MEASURED, lw=0.9)
+            line(position, rec.q_cmd[:, j], COMMANDED, 0.8)
+        line(position, without(rec.q[:, j], spikes), MEASURED, 0.9)
         bad = [spike.row for spike in spikes]
         position.plot(time[bad], rec.q[bad, j], ".", color=CLIPPED, ms=5)
-        velocity.plot(*_thin(time, smoothed(rec, j, report.timing, spikes)[1]), color=MEASURED, lw=0.9)
+        line(velocity, smoothed(rec, j, report.timing, spikes)[1], MEASURED, 0.9)
         if torque is not None:
-            effort.plot(*_thin(time, torque[:, j]), color=MEASURED, lw=0.7)
+            line(effort, torque[:, j], MEASURED, 0.7)
             top = float(limits.torque[j]) if limits else np.inf
             clipped = saturated(torque[:, j], 1.0 / report.timing.rate_hz, top)
-            effort.plot(*_thin(time[clipped], torque[clipped, j]), ".", color=CLIPPED, ms=4)
+            effort.plot(*thin(time[clipped], torque[clipped, j], MAX_POINTS), ".", color=CLIPPED, ms=4)
         if limits is not None:
             for axis, bounds in (
                 (position, limits.range[j]),
@@ -73,24 +80,22 @@ def plot(rec: Recording, report: CheckReport, limits: Limits | None = None) -> b
     return out.getvalue()
 
 
-def _thin(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Thin (n,) arrays to at most MAX_POINTS, keeping the lowest and highest value of every stretch."""
-    n = len(time)
-    if n <= MAX_POINTS:
-        return time, values
-    length = int(np.ceil(2 * n / MAX_POINTS))
-    end = n // length * length
-    low = np.where(np.isfinite(values[:end]), values[:end], np.inf).reshape(-1, length).argmin(axis=1)
-    high = np.where(np.isfinite(values[:end]), values[:end], -np.inf).reshape(-1, length).argmax(axis=1)
-    rows = np.sort(np.concatenate([low, high]) + np.tile(np.arange(0, end, length), 2))
-    return time[rows], values[rows]
-
-
 def laid_out(rec: Recording) -> np.ndarray:
     """Return a time axis (n,) in s that starts at zero and continues across episodes."""
     step = np.diff(rec.time)
     step[~within_episode(rec)] = 1.0 / rec.rate_hz
     return np.concatenate([[0.0], np.cumsum(step)])
+
+
+def line_ends(rec: Recording, clock: Timing) -> np.ndarray:
+    """Return the rows before gaps in the clock, and the last row of each episode but the last one."""
+    return np.union1d(np.flatnonzero(~within_episode(rec)), [gap.row for gap in clock.gaps]).astype(int)
+
+
+def cut(values: np.ndarray, ends: np.ndarray, between: bool = False) -> np.ndarray:
+    """Insert a row into (n, ..) after each of the rows `ends`: NaN, or the middle of its neighbours if `between`."""
+    rows = (values[ends] + values[ends + 1]) / 2 if between else np.nan
+    return np.insert(np.asarray(values, float), ends + 1, rows, axis=0)
 
 
 def _limits(axis, bounds) -> None:

@@ -11,16 +11,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.core.lines import thinned, thinned_time
 from vispeg.diagnosis.pictures.excited import Excitation
 from vispeg.recordings.checks.check import CheckReport
 from vispeg.recordings.checks.joint_check import smoothed
-from vispeg.recordings.checks.plot import MOST_GAPS, laid_out
+from vispeg.recordings.checks.plot import MOST_GAPS, cut, laid_out, line_ends
 from vispeg.recordings.checks.quality import Limits, saturated
 from vispeg.recordings.checks.spikes import without
+from vispeg.recordings.checks.timing import Timing
 from vispeg.recordings.frames.frames import RecordedFrame
 from vispeg.recordings.recording import Recording
 from vispeg.render.image_kinds import depth_picture
-from vispeg.report.live.traces import MOST, Track, thinned, thinned_time
+from vispeg.report.live.traces import MOST, Track
 from vispeg.report.record import still
 from vispeg.sim.touch import Touch
 from vispeg.vision.check import CameraCheck
@@ -96,7 +98,7 @@ def examined(
         excited=tuple(pictures[1]),
         stated=stated,
         signals=_signals(rec, report, limits),
-        contact=None if touched is None else _contact(rec, touched),
+        contact=None if touched is None else _contact(rec, report.timing, touched),
         frames=_frames(rec),
         paper=_lighter(drawing),
     )
@@ -129,10 +131,11 @@ def _signals(rec: Recording, report: CheckReport, limits: Limits | None) -> Trac
         if clipped.any():
             arrays[f"{name}_clipped"] = np.where(clipped, values, np.nan)
     longest = sorted(report.timing.gaps, key=lambda gap: -gap.seconds)[:MOST_GAPS]
-    return _track(rec.name, time, arrays, [(float(time[gap.row]), float(time[gap.row + 1])) for gap in longest])
+    bands = [(float(time[gap.row]), float(time[gap.row + 1])) for gap in longest]
+    return _track(rec, report.timing, arrays, bands)
 
 
-def _contact(rec: Recording, touched: Touch) -> Track:
+def _contact(rec: Recording, clock: Timing, touched: Touch) -> Track:
     """Return the wrench as read and the contact force, by axis, with stretches of contact as bands."""
     time = laid_out(rec)
     arrays = {
@@ -142,12 +145,14 @@ def _contact(rec: Recording, touched: Touch) -> Track:
     }
     edges = np.flatnonzero(np.diff(np.concatenate([[0], touched.touching.astype(np.int8), [0]])))
     bands = [(float(time[a]), float(time[min(b, len(time) - 1)])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    return _track(rec.name, time, arrays, sorted(bands, key=lambda band: band[0] - band[1])[:MOST_GAPS])
+    return _track(rec, clock, arrays, sorted(bands, key=lambda band: band[0] - band[1])[:MOST_GAPS])
 
 
-def _track(name: str, time: np.ndarray, arrays: dict[str, np.ndarray], bands: Sequence[tuple[float, float]]) -> Track:
-    """Return a track of at most MOST samples, which keep the lowest and highest value of every stretch."""
-    return Track(name, thinned_time(time, MOST), {k: thinned(v, MOST) for k, v in arrays.items()}, bands)
+def _track(rec: Recording, clock: Timing, arrays: dict[str, np.ndarray], bands: Sequence[tuple[float, float]]) -> Track:
+    """Return a track of at most MOST samples with the lowest and highest value of every stretch, and gaps."""
+    ends = line_ends(rec, clock)
+    time = thinned_time(cut(laid_out(rec), ends, between=True), MOST)
+    return Track(rec.name, time, {key: thinned(cut(v, ends), MOST) for key, v in arrays.items()}, bands)
 
 
 def _frames(rec: Recording) -> tuple[Frame, ...]:

@@ -16,8 +16,6 @@ from functools import partial
 from io import BytesIO, StringIO
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
 from vispeg.report.drawings.palette import day, themed
 
 if TYPE_CHECKING:
@@ -209,25 +207,6 @@ def _lighter(text: str) -> str:
 
 def _rounded(text: str, digits: int) -> str:
     return re.sub(r"-?\d+\.\d+", lambda x: f"{float(x[0]):.{digits}f}".rstrip("0").rstrip("."), text)
-
-
-def thin(time: np.ndarray, values: np.ndarray, most: int = 1500) -> tuple[np.ndarray, np.ndarray]:
-    """Thin (n,) arrays to `most` points: lowest and highest value of every interval, and NaN in gaps.
-
-    A gap is missing for longer than samples of the line usually are: a line may be sampled at every tenth time only.
-    """
-    values = np.where(np.isfinite(values), values, np.nan)
-    rows = np.flatnonzero(np.isfinite(values))
-    steps = np.diff(rows)
-    gaps = rows[:-1][steps > 1.5 * np.quantile(steps, 0.9)] + 1 if steps.size else rows[:0]
-    rows = np.union1d(rows, gaps)
-    if len(rows) > most:
-        keep = []
-        for part in np.array_split(rows, most // 3):
-            inside = values[part]
-            keep += [part[np.nanargmin(inside)], part[np.nanargmax(inside)], *part[np.isnan(inside)][:1]]
-        rows = np.unique(keep)
-    return time[rows], values[rows]
 
 
 def legend(figure: Figure, entries: dict[str, tuple[str, str]]) -> None:

@@ -11,7 +11,8 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_bytes_atomic
-from vispeg.report.drawings.figures import AFTER, BEFORE, MEASURED, RIVALS, new_figure, quiet, styled, thin
+from vispeg.core.lines import thin
+from vispeg.report.drawings.figures import AFTER, BEFORE, MEASURED, RIVALS, new_figure, quiet, styled
 from vispeg.report.text.quantities import prefix
 
 COLOURS = (MEASURED, BEFORE, AFTER, *RIVALS)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from vispeg.core.lines import thinned, thinned_time
 from vispeg.report.text.quantities import PREFIXED
 
 SCRIPTS = ("vendored/uPlot.js", "charts.js", "traces.js")
@@ -107,34 +108,6 @@ def coded(values: np.ndarray) -> dict[str, object]:
         "scale": [float(f"{s:.6g}") for s in safe[:, 0]],
         "codes": base64.b64encode(np.ascontiguousarray(codes).tobytes()).decode(),
     }
-
-
-def thinned(values: np.ndarray, most: int) -> np.ndarray:
-    """Thin (n, k) to at most `most` rows, with the lowest and highest value of every interval, in order."""
-    if len(values) <= most:
-        return values
-    start, end = _intervals(len(values), most)
-    rows = start[:, None] + np.arange((end - start).max())
-    parts = values[np.minimum(rows, end[:, None] - 1)]
-    low = np.where(np.isfinite(parts), parts, np.inf).argmin(axis=1)
-    high = np.where(np.isfinite(parts), parts, -np.inf).argmax(axis=1)
-    at = np.stack([np.minimum(low, high), np.maximum(low, high)], axis=1)
-    return np.take_along_axis(parts, at, axis=1).reshape(-1, values.shape[1])
-
-
-def thinned_time(time: np.ndarray, most: int) -> np.ndarray:
-    """Thin times (n,) to match the rows of `thinned`: two per interval, evenly spaced."""
-    if len(time) <= most:
-        return time
-    start, end = _intervals(len(time), most)
-    quarter = (end - start) // 4
-    return np.stack([time[start + quarter], time[end - 1 - quarter]], axis=1).ravel()
-
-
-def _intervals(n: int, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return first row of each of `most // 2` intervals, and the row after its last; together they are all n rows."""
-    edges = np.arange(most // 2 + 1) * n // (most // 2)
-    return edges[:-1], edges[1:]
 
 
 def _panel(panel: Panel) -> dict[str, object]:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vispeg.core.lines import thin
 from vispeg.diagnosis.traces import Trace
-from vispeg.report.drawings.figures import AFTER, BEFORE, MEASURED, MUTED, Shape, chart, legend, new_figure, quiet, thin
+from vispeg.report.drawings.figures import AFTER, BEFORE, MEASURED, MUTED, Shape, chart, legend, new_figure, quiet
 from vispeg.report.live import arm
 from vispeg.report.live.arm import stage
 from vispeg.report.live.traces import SCRIPTS as CHARTS

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vispeg.report.drawings.figures import MEASURED, MUTED, RIVALS, Shape, chart, legend, new_figure, quiet, thin
+from vispeg.core.lines import thin
+from vispeg.report.drawings.figures import MEASURED, MUTED, RIVALS, Shape, chart, legend, new_figure, quiet
 from vispeg.report.evidence import Evidence, NextMotion
 from vispeg.report.record import Record
 from vispeg.report.text import words
