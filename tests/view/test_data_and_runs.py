@@ -92,6 +92,9 @@ def test_several_runs_stand_in_the_same_curves(run, served, monkeypatch):
     lines = {r.name: v for r, v in zip((page.latest.folder, path), (first, second), strict=True)}
     assert np.array_equal(lines["s0"], [0, 0.25, 0.5, np.nan], equal_nan=True)
     assert np.array_equal(lines["s1"], [np.nan, 1, 0.75, 0.25], equal_nan=True)
+    for plot in page.plots.values():  # of itself uPlot finds no range, and draws nothing, if a line begins later
+        low, high = plot.scales["y"]["range"]
+        assert low <= np.nanmin(plot.data[1:]) and np.nanmax(plot.data[1:]) <= high and low < high
     box.value = False
     assert len(page.plots[title].data) == 2
     (other / "best").symlink_to("gone")  # a file that goes between a listing and a look at it

@@ -193,6 +193,19 @@ def test_a_plot_names_what_it_shows(page, tmp_path, signal, labels, unit):
     assert made.plot.title == f"{unit} it would be written"
 
 
+@pytest.mark.parametrize("lost", [0, 1, len(TIME) // 5])
+def test_no_line_bridges_a_gap_that_can_be_seen(page, tmp_path, lost):
+    made, _ = page
+    rows = np.delete(np.arange(len(TIME)), slice(200, 200 + lost))
+    np.savez(tmp_path / "log.npz", time=TIME[rows], q=Q[rows], joints=list(JOINTS))
+    made.take(tmp_path / "log.npz")
+    settled(made)
+    made.signal.value = "q"
+    made._plot()
+    drawn = [(line["width"] > 0, line["points"]["show"]) for line in made.plot.series[1:]]
+    assert drawn == 7 * [(False, True) if lost > 1 else (True, False)]
+
+
 def test_the_shown_command_writes_what_the_page_wrote(page, tmp_path):
     made, written = page
     made.take(write_table(tmp_path / "same.csv", STYLES["own words"][0]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from vispeg.view.around import TABLES, named
 from vispeg.view.drop import Drop
 from vispeg.view.importing import SENSOR_WORDS, Importer, Look, Proposed, map_file
 from vispeg.view.job import Job
+from vispeg.view.pen import pen
 from vispeg.view.place import Page, Place
 
 UNITS = {"q": "rad", "q_cmd": "rad", "dq": "rad/s", "dq_cmd": "rad/s", "tau": "N m", "tau_cmd": "N m"}
@@ -318,12 +320,13 @@ class ImportPage(Page):
         if look is None or signal not in look.signals:
             return
         values, names = look.signals[signal].astype(float), SPATIAL_SIGNALS.get(signal, look.joints)
-        pen = {"width": 1.2, "points": {"show": False}}
-        series = [{"label": n, "stroke": COLOURS[i % len(COLOURS)], **pen} for i, n in enumerate(html.distinct(names))]
         finite = np.isfinite(values).all(axis=1)
+        time = look.time[finite].astype(float)
+        pens = (pen(time, colour, 1.2) for colour in itertools.cycle(COLOURS))
+        series = [{"label": name, **how} for name, how in zip(html.distinct(names), pens, strict=False)]
         with self.plots:
             self.plot = self.place.gui.add_uplot(
-                (look.time[finite].astype(float), *(v for v in values[finite].T)),
+                (time, *values[finite].T),
                 ({"label": "s"}, *series),
                 title=", ".join(filter(None, (signal, UNITS.get(signal), "as it would be written"))),
                 scales={"x": {"time": False}},

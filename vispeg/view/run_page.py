@@ -229,12 +229,17 @@ class RunPage(Page):
             steps = np.unique(np.concatenate([line[2] for line in lines]))
             pen = {"width": 1.6, "points": {"show": bool(max(len(line[2]) for line in lines) < 30)}}
             series = [{"label": name, "stroke": colour, **pen} for name, colour, _, _ in lines]
+            heights = np.concatenate([line[3] for line in lines])
+            span = (0.0, 1.0) if SHARE in title else (float(heights.min()), float(heights.max()))
+            room = 0.05 * ((span[1] - span[0]) or 1.0)
+            # stated, as uPlot finds none and draws nothing if a line's first value is NaN
+            y = {"range": span if SHARE in title else (span[0] - room, span[1] + room)}
             with self.curves:
                 self.plots[title] = self.place.gui.add_uplot(
                     (steps, *(np.interp(steps, x, y, right=np.nan, left=np.nan) for _, _, x, y in lines)),
                     ({"label": "steps"}, *series),
                     title=title,
-                    scales={"x": {"time": False}} | ({"y": {"range": (0.0, 1.0)}} if SHARE in title else {}),
+                    scales={"x": {"time": False}, "y": y},
                     axes=({"label": "steps", "size": 40, "labelSize": 14}, {"size": 55}),
                     cursor={"sync": {"key": "steps"}, "drag": {"x": True, "y": False}},
                     height=180,

@@ -13,6 +13,7 @@ from vispeg.report.text.quantities import prefix
 from vispeg.robots.furniture import COLOURS
 from vispeg.view.diagnose.standing import Standing, Track
 from vispeg.view.drawing import Drawing, Look
+from vispeg.view.pen import pen
 from vispeg.view.place import ARM, CELL, Place
 
 MEASURED, FIRST, NOW, GHOST = "#868e96", "#d9541e", "#0a7a75", (224, 108, 48)
@@ -207,8 +208,7 @@ class Traces:
         data = (time, *(np.asarray(v, float) for v in lines))
         if plot is not None:
             plot.remove()
-        pen = {"width": 1.4, "points": {"show": False}}
-        series = [{"label": n, "stroke": c, **pen} for n, c in zip(names, colours, strict=True)]
+        series = [{"label": n, **pen(time, c, 1.4)} for n, c in zip(names, colours, strict=True)]
         with self.plots:
             return self.place.gui.add_uplot(
                 data,
