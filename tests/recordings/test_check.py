@@ -167,9 +167,9 @@ def test_an_arm_that_stands_or_has_coarse_encoders_repeats_genuine_readings():
     slow = np.round(0.02 * np.stack([np.sin(time), np.cos(time)], 1) / 1.5e-3) * 1.5e-3
     for values in (stands, slow):
         assert not held(time, values, np.ones(2999, bool)).any()
-    twice = np.r_[0.5 * np.linspace(0.0, 1.0, 500) ** 2, np.full(500, 0.5)][:, None] * np.ones((2, 1, 2))  # goes, stands; again
-    clock = np.tile(np.arange(1000) / 100.0, 2)
-    assert not held(clock, twice.reshape(-1, 2), np.diff(clock) > 0).any()
+    once = np.r_[0.5 * np.linspace(0.0, 1.0, 500) ** 2, np.full(500, 0.5)]  # goes, then stands
+    twice, clock = np.tile(once, 2)[:, None] * np.ones(2), np.tile(np.arange(1000) / 100.0, 2)
+    assert not held(clock, twice, np.diff(clock) > 0).any()
 
 
 def test_honest_motion_has_no_bad_readings():
