@@ -246,7 +246,8 @@ class Evidence(Freedom):
             raise UserError(f"too short to compare: every episode lasts under {2 * settle} s", file=rec.path)
         for segment in long:
             fresh = np.ones(len(segment.rows), bool) if rec.held is None else ~rec.held[segment.rows]
-            thin = np.flatnonzero(fresh)[::stride]
+            # every `stride`-th sample, or the reading that it repeats
+            thin = np.unique(np.maximum.accumulate(np.where(fresh, np.arange(len(fresh)), 0))[::stride])
             segment = replace(segment, time=segment.time[thin], rows=segment.rows[thin])
             late = (segment.time >= settle)[:, None]
             if rec.compared is not None:

@@ -133,7 +133,7 @@ class Recording:
         compared: (n,) bool, the samples at which a model is compared with it; the others are simulated all the same.
             None for all of them.
         bad: (n, nj) bool, readings of the angles that were left out of `q` as outliers (`checks.spikes`), or None.
-        held: (n,) bool, samples whose readings were repeats, in place of which `q` and `tau` have lines, or None.
+        held: (n,) bool, samples whose angles repeat an earlier reading, with which models are not compared, or None.
         clock: (n,) s, `elapsed` of a part of a recording, whose clock began before it; None for a whole one.
     """
 

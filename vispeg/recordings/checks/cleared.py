@@ -1,4 +1,4 @@
-"""Leave out readings that are none: angles that jump away and back, and repeats of an earlier reading."""
+"""Leave out readings that are none: angles that jump away and back, and mark repeats of an earlier reading."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ import numpy as np
 
 from vispeg.recordings.checks.spikes import spikes
 from vispeg.recordings.checks.timing import held, within_episode
-from vispeg.recordings.differentiate import bridged
 from vispeg.recordings.recording import Recording
 
 
 def cleared(rec: Recording) -> Recording:
-    """Return the recording without bad readings of its angles, and with repeats bridged; itself if there is none.
+    """Return the recording without bad readings of its angles, and with its repeats marked; itself if there is none.
 
     A repeat is late: a log may be faster than its sensor, and hold each reading until the next. `Recording.bad` and
     `Recording.held` mark what models are not compared with.
@@ -24,12 +23,5 @@ def cleared(rec: Recording) -> Recording:
         bad[[fresh[spike.row] for spike in spikes(rec.elapsed[fresh], column)], j] = True
     if not (late.any() or bad.any()):
         return rec
-    q = _bridged(rec, np.where(bad, np.nan, rec.q), late)
-    tau = None if rec.tau is None else _bridged(rec, rec.tau, late)
-    return replace(rec, q=q, tau=tau, bad=bad if bad.any() else None, held=late if late.any() else None)
-
-
-def _bridged(rec: Recording, values: np.ndarray, late: np.ndarray) -> np.ndarray:
-    """Return a signal (n, nj) with lines in place of the rows `late` (n,) bool."""
-    lines = bridged(rec.time, np.where(late[:, None], np.nan, values), rec.episode)
-    return np.where(late[:, None], lines, values)
+    q = np.where(bad, np.nan, rec.q)
+    return replace(rec, q=q, bad=bad if bad.any() else None, held=late if late.any() else None)
