@@ -101,17 +101,20 @@ def test_a_coarse_encoder_leaves_the_right_model_no_more_than_is_foretold():
 
 
 def test_a_coarse_encoder_makes_no_value_of_the_right_model_less_certain():
-    """All that is left is the encoder's; none of it is an error of the friction's form.
+    """All that is left is the encoder's; none of it is an error of the friction's form, nor a bias of its value.
 
-    The value scatters by 0.05 % with the recording's seed (six seeds): four times that is allowed.
+    One recording's value scatters by 0.05 %, so the mean over four is compared with the truth.
     """
     coarse = World().add(EffectInstance.of("encoder_quantization", "joint2", step=4e-4))
     right, begun = (coarse.add(EffectInstance.of("coulomb_friction", "joint4", torque=t)) for t in (2.0, 1.0))
-    fitted, judged = (Evidence([recorded("torque", right, seed)]) for seed in (10, 11))
-    found = calibrate(fitted, begun, (1,), seed=0)
-    _, world = fit_record(coarse, found, (1,), fitted, judged)
-    assert world.effects[1].params["torque"] == found.fit.world.effects[1].params["torque"]
-    assert world.effects[1].params["torque"].value == pytest.approx(2.0, rel=2e-3)
+    torques = []
+    for seed in (10, 12, 14, 16):
+        fitted, judged = (Evidence([recorded("torque", right, s)]) for s in (seed, seed + 1))
+        found = calibrate(fitted, begun, (1,), seed=0)
+        _, world = fit_record(coarse, found, (1,), fitted, judged)
+        assert world.effects[1].params["torque"] == found.fit.world.effects[1].params["torque"]
+        torques.append(world.effects[1].params["torque"].value)
+    assert np.mean(torques) == pytest.approx(2.0, rel=1e-3)
 
 
 def test_an_offset_of_all_joints_stays_where_a_draw_starts_elsewhere_within_a_step():

@@ -19,13 +19,14 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.identify.drives import sent
 from vispeg.recordings.checks.check import check
+from vispeg.recordings.checks.cleared import cleared
 from vispeg.recordings.checks.excitation import PARAMETERS, excitation, regressor
 from vispeg.recordings.checks.missing import said
 from vispeg.recordings.checks.quality import Limits, quantization, saturated
 from vispeg.recordings.checks.spikes import spikes
 from vispeg.recordings.checks.timing import held, timing
 from vispeg.recordings.importers import fits
-from vispeg.recordings.noise import highpass_sigma, noise_from_repeats
+from vispeg.recordings.noise import highpass_sigma, noise_from_repeats, noise_of
 from vispeg.recordings.recording import Control
 from vispeg.recordings.write import write
 from vispeg.robots.model import load, load_for
@@ -155,6 +156,10 @@ def test_a_reading_that_is_held_until_the_next_is_compared_once():
     repeats = replace(rec, q=rec.q[rows], tau=rec.tau[rows])
     empty = replace(rec, **{n: np.where(late[:, None], np.nan, getattr(rec, n)) for n in ("q", "tau")})
     assert timing(repeats).repeated > 770
+    once = cleared(repeats)
+    assert once.held is not None and cleared(once) is once and np.array_equal(once.q, repeats.q)
+    found = [noise_of(replace(cleared(r), noise={}))["q"] for r in (rec, repeats)]
+    assert np.allclose(found, 2e-5, rtol=0.3)
     one, two = (vispeg.compare("iiwa14", r, threads=1).record for r in (repeats, empty))
     for a, b in zip(one["joints"], two["joints"], strict=True):
         assert a["error"] == pytest.approx(b["error"], rel=0.05) and a["times_floor"] < 1.5

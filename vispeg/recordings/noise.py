@@ -31,7 +31,10 @@ def highpass_sigma(values: np.ndarray) -> np.ndarray:
 
 
 def noise_of(rec: Recording) -> dict[str, np.ndarray]:
-    """Return the 1-sigma noise per joint (nj,) of `q` (rad) and `tau` (N m): the stated one, else an estimate."""
+    """Return the 1-sigma noise per joint (nj,) of `q` (rad) and `tau` (N m): the stated one, else an estimate.
+
+    Repeats (`Recording.held`) are left out: their steps would count as noise.
+    """
     out = {}
     for name, least in (("q", 1e-7), ("tau", 1e-3)):  # least noise, rad and N m
         values = getattr(rec, name)
@@ -40,6 +43,7 @@ def noise_of(rec: Recording) -> dict[str, np.ndarray]:
         if name in rec.noise:
             out[name] = np.full(values.shape[1], float(rec.noise[name]))
         else:
+            values = values if rec.held is None else values[~rec.held]
             out[name] = _pooled(np.maximum(highpass_sigma(values), _rounding(values)), least)
     return out
 

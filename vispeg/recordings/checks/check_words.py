@@ -39,9 +39,7 @@ def _clock_warnings(clock: Timing) -> list[str]:
         where = f"the longest, {1e3 * worst.seconds:.0f} ms, at {worst.start:.3f} s"
         out.append(f"{count(len(clock.gaps), 'gap')}, {count(lost, 'sample')} lost; {where}")
     if clock.repeated:
-        out.append(
-            f"{count(clock.repeated, 'row')} the same as the one before, bit for bit: readings were dropped and held"
-        )
+        out.append(f"{count(clock.repeated, 'row')} with the angles of the one before, bit for bit: readings were held")
     if clock.zeroed:
         out.append(
             f"{count(clock.zeroed, 'row')} with every angle at exactly zero: missing readings should be empty cells"

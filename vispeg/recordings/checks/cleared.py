@@ -1,4 +1,4 @@
-"""Leave out readings that are none: angles that jump away and back, and mark repeats of an earlier reading."""
+"""Find readings that models are not compared with: angles that jump away and back, and repeats of an earlier one."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ from vispeg.recordings.recording import Recording
 def cleared(rec: Recording) -> Recording:
     """Return the recording without bad readings of its angles, and with its repeats marked; itself if there is none.
 
-    A repeat is late: a log may be faster than its sensor, and hold each reading until the next. `Recording.bad` and
-    `Recording.held` mark what models are not compared with.
+    A repeat is late: a log may be faster than its sensor, and hold each reading until the next. It stays in `q`, as
+    another value would lie off the grid of a coarse encoder, and its noise would be taken for less.
     """
+    if rec.bad is not None or rec.held is not None:  # done before
+        return rec
     late, bad = held(rec.time, rec.q, within_episode(rec)), np.zeros(rec.q.shape, bool)
     fresh = np.flatnonzero(~late)
     for j, column in enumerate(rec.q[fresh].T):

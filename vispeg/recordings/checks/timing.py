@@ -34,7 +34,7 @@ class Timing:
         jitter: RMS deviation of the sample period from its median, s, gaps left out.
         jitter_max: the largest such deviation, s.
         gaps: steps longer than 1.5 periods.
-        repeated: rows bit-identical to the previous row while the arm moved (a lost reading that was held).
+        repeated: rows whose angles are those of the row before, bit for bit, while the arm moved (`held`).
         zeroed: rows with all angles exactly zero between nonzero rows (a lost reading written as zero).
         duration_s: sum over episodes.
         episodes: their number.
