@@ -1,5 +1,7 @@
 """A gripper from an MJCF made here: what it weighs, where it holds, and the task with it."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,8 @@ from vispeg.robots.model import load
 from vispeg.robots.scene import build
 from vispeg.task.peg.task import PegInHoleVec
 from vispeg.task.world_file import load_world
+from vispeg.worlds.model_file import load_model, write_model
+from vispeg.worlds.world import World
 
 GRIPPER = """<mujoco>
   <asset><mesh name="palm" vertex="-.03 -.03 0  .03 -.03 0  .03 .03 0  -.03 .03 0  0 0 .06"/></asset>
@@ -67,6 +71,17 @@ def test_what_is_in_the_file_makes_the_world(tmp_path, world, monkeypatch):
     assert load_world("mine.yaml").hash == first
     (tmp_path / "hand.xml").write_text(GRIPPER.format(grasp=0.071))
     assert load_world("mine.yaml").hash != first
+
+
+@pytest.mark.parametrize("held", ["", "+peg16"])
+def test_a_model_with_it_is_the_same_in_any_folder(tmp_path, monkeypatch, held):
+    (tmp_path / "hand.xml").write_text(GRIPPER.format(grasp=0.07))
+    monkeypatch.chdir(tmp_path)
+    file = write_model(Path("deep/er/model.yaml"), World("iiwa14", f"hand.xml{held}"))
+    monkeypatch.chdir(tmp_path / "deep")
+    again = load_model(Path("er") / file.name)
+    mass = load("iiwa14", f"{tmp_path / 'hand.xml'}{held}").compile().body_mass.sum()
+    assert load(again.robot, again.tool).compile().body_mass.sum() == mass
 
 
 def test_what_cannot_hold_is_refused(tmp_path, world):

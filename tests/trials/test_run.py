@@ -1,8 +1,12 @@
 """The run loop: the policy's episode in the simulator again, limits that stop the arm, time that is kept, bad input."""
 
+import os
 import signal
+import socket
 import sys
+import threading
 import time
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +14,7 @@ import numpy as np
 import pytest
 from lockstep import Lockstep
 
+from vispeg.api.run import opened
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.interface.interface import Interface
@@ -20,7 +25,8 @@ from vispeg.task.registry import task_of
 from vispeg.trials.driver import Connected, Reading
 from vispeg.trials.limits import Limits
 from vispeg.trials.loop import Clock, How, run_episode
-from vispeg.trials.simulated import SimulatedRobot
+from vispeg.trials.simulated import SimulatedRobot, serve
+from vispeg.trials.socket_robot import SocketRobot
 from vispeg.trials.trial import PolicyPart, read_trial, write_trial
 
 SEED, WHO = 1_000_004, PolicyPart(name="scripted")
@@ -417,6 +423,42 @@ def test_a_sensor_zeroed_once_feels_no_contact_in_free_air_however_its_tool_is_t
     turned = 9.81 * 2 * np.sin(0.1 * arm.time)
     assert turned > 0.5, "the readings themselves are not 0"
     assert trial.said.outcome.peak_force_n < 0.02
+
+
+def test_a_socket_robot_that_answers_too_late_is_not_asked_again():
+    """Its late answer is not taken for that of the next message; the next episode has a process of its own."""
+    pytest.importorskip("torch")
+    interface = opened("state-3mm", None, None)[1]
+    robot = SocketRobot("nominal")
+    try:
+        robot.connect(interface, 0)
+        os.kill(robot._process.pid, signal.SIGSTOP)
+        with pytest.raises(OSError, match="timed out"):
+            robot.read()
+        assert robot.stop() is None
+        assert len(robot.connect(interface, 1).start["goal_m"]) == 3 and len(robot.read().q) == 7
+    finally:
+        robot.close()
+
+
+def test_a_simulated_robot_waits_for_its_first_message_without_work():
+    simulated = SimulatedRobot("nominal", "state", {})
+    here, there = socket.socketpair()
+
+    def served():
+        with suppress(EOFError):
+            serve(simulated, there, 0.0)
+
+    thread = threading.Thread(target=served)
+    with here, there:
+        thread.start()
+        time.sleep(1.2)
+        before = time.process_time()
+        time.sleep(0.5)
+        worked = time.process_time() - before
+        here.close()
+        thread.join()
+    assert worked < 0.1
 
 
 def test_a_socket_robot_in_its_own_time_from_the_command_line(tmp_path, capsys):

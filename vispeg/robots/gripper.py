@@ -7,6 +7,7 @@ held part; its z axis is that of the flange and points out of the gripper.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -92,6 +93,12 @@ def of(tool: str) -> tuple[Gripper, str] | None:
         raise UserError("no such gripper", file=match[1], key="robot.tool")
     path = expanded(match[1]).resolve()
     return _read(path, resources.stamp(path)), match[2] or ""
+
+
+def renamed(tool: Any, change: Callable[[str], str]) -> Any:
+    """Return a tool with another path of its file; a tool that is not a file stays as it is."""
+    match = FILE.fullmatch(tool) if isinstance(tool, str) else None
+    return f"{change(match[1])}{tool[match.end(1) :]}" if match else tool
 
 
 def stamp(tool: object) -> tuple[int, ...]:

@@ -141,9 +141,9 @@ def serve(robot: SimulatedRobot, link: socket.socket, latency: float) -> None:
     commands: deque[tuple[float, np.ndarray]] = deque()  # the robot's time at which each takes effect, the flange pose
     begun, connected = time.monotonic(), False
     while True:
-        due = begun + (robot.ticks + 1) * period if connected else time.monotonic() + 1.0
+        due = begun + (robot.ticks + 1) * period
         while (left := due - time.monotonic()) > 0 or not connected:
-            if select.select([link], [], [], max(0.0, left))[0]:
+            if select.select([link], [], [], max(0.0, left) if connected else None)[0]:
                 message, arrays = receive(link)
                 if message["call"] == "connect":
                     start = robot.begin(int(message["seed"]))

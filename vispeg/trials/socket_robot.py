@@ -123,12 +123,14 @@ class SocketRobot:
             self._process = None
 
     def _ask(self, message: Mapping[str, Any], wait: float = ANSWER) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+        """Send a message and return its answer, within `wait` s; else end the process and raise OSError."""
         with self._lock:
             if self._link is None:
                 raise OSError("not connected")
             self._link.settimeout(wait)
-            send(self._link, message)
             try:
+                send(self._link, message)
                 return receive(self._link)
-            except EOFError as error:
+            except (OSError, EOFError) as error:
+                self.close()  # an answer that comes later must not be taken for that of the next message
                 raise OSError(str(error)) from error

@@ -22,7 +22,7 @@ from vispeg.formats.typed import typed
 from vispeg.recordings.cell import OPEN_CELL, CellBelief
 from vispeg.recordings.load_cell import cell
 from vispeg.recordings.schema import CellOf
-from vispeg.robots import tools
+from vispeg.robots import gripper, tools
 from vispeg.robots.model import check_name
 from vispeg.worlds.world import World
 
@@ -74,6 +74,7 @@ def load_model(source: str | Path) -> World:
     belief = _belief(data, path)
     robot = _robot(data, belief, path)
     check_name(robot, path, "robot")
+    tool = gripper.renamed(tool, lambda named: located(named, path))
     return World(robot, None if tool in (None, "none") else tool, effects, belief)
 
 
@@ -117,10 +118,10 @@ def _robot(data: Mapping[str, Any], belief: CellBelief | None, file: Path) -> st
     return located(robot, file)
 
 
-def located(robot: str, file: Path) -> str:
-    """Return a robot that `file` names. If it is a path relative to the folder of `file`, the folder is prepended."""
-    beside = file.parent / robot
-    return str(beside) if Path(robot).suffix and not Path(robot).is_absolute() and is_file(beside) else robot
+def located(named: str, file: Path) -> str:
+    """Return a robot or tool that `file` names. A path relative to the folder of `file` gets the folder prepended."""
+    beside = file.parent / named
+    return str(beside) if Path(named).suffix and not Path(named).is_absolute() and is_file(beside) else named
 
 
 def read_placed(entry: Any, file: Path, key: str) -> EffectInstance:
@@ -225,11 +226,14 @@ def without_origin(placed: EffectInstance) -> PlacedRecord:
 
 
 def named_from(world: World, folder: Path) -> World:
-    """Return the world for a model file in `folder`: a path of the robot's file becomes relative to the folder."""
-    if not (Path(world.robot).suffix and is_file(world.robot)):
-        return world
-    robot = expanded(world.robot).resolve()
-    return replace(world, robot=os.path.relpath(robot, expanded(folder).resolve()))
+    """Return the world for a model file in `folder`: paths of robot and tool become relative to the folder."""
+
+    def seen(path: str) -> str:
+        if not (Path(path).suffix and is_file(path)):
+            return path
+        return os.path.relpath(expanded(path).resolve(), expanded(folder).resolve())
+
+    return replace(world, robot=seen(world.robot), tool=gripper.renamed(world.tool, seen))
 
 
 def write_model(path: Path, world: World, overwrite: bool = False) -> Path:
