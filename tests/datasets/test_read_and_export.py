@@ -6,6 +6,7 @@ import shutil
 import cv2
 import numpy as np
 import pytest
+from pyarrow import parquet
 from rendered import EYE, LAYOUT, PLAN, frame, source
 
 from vispeg.core.errors import UserError
@@ -42,6 +43,22 @@ def test_frames_one_by_one_and_by_episode_are_the_same(folder):
     assert np.array_equal(data[-1]["index"], PLAN.frames - 1)
     with pytest.raises(IndexError):
         data[PLAN.frames]
+
+
+def test_row_groups_that_are_as_many_as_the_episodes_but_end_elsewhere_are_not_taken_for_them(folder, tmp_path):
+    """As another program writes them: groups of one size, and episodes of several."""
+    copy = shutil.copytree(folder, tmp_path / "d")
+    data, there = Dataset(copy), Dataset(folder)
+    odd = 0
+    for path in data.data_files:
+        lengths = [e["length"] for e in data.episodes if data._data_file(e) == path]
+        whole = parquet.read_table(path)
+        parquet.write_table(whole, path, row_group_size=-(-len(whole) // len(lengths)))
+        groups = parquet.ParquetFile(path).metadata
+        odd += groups.num_row_groups == len(lengths) and groups.row_group(0).num_rows != lengths[0]
+    assert odd
+    for number in range(len(data.episodes)):
+        assert np.array_equal(data.episode(number)["index"], there.episode(number)["index"])
 
 
 def test_a_reader_of_some_features_reads_those(folder):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections import Counter, OrderedDict
+from collections import OrderedDict, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -185,15 +185,15 @@ class Dataset:
         return [e["dataset_from_index"] for e in self.episodes]
 
     @cached_property
-    def _groups(self) -> tuple[dict[int, int], Counter[Path]]:
-        """Each episode's position among those in its file, and the number of episodes of each file."""
-        counts: Counter[Path] = Counter()
+    def _groups(self) -> tuple[dict[int, int], dict[Path, list[int]]]:
+        """Each episode's position among those in its file, and the lengths of each file's episodes, in order."""
+        lengths: dict[Path, list[int]] = defaultdict(list)
         out = {}
         for e in self.episodes:
-            file = self._data_file(e)
-            out[e["episode_index"]] = counts[file]
-            counts[file] += 1
-        return out, counts
+            file = lengths[self._data_file(e)]
+            out[e["episode_index"]] = len(file)
+            file.append(e["length"])
+        return out, lengths
 
     @property
     def _chunk(self) -> int:
@@ -241,8 +241,8 @@ class Dataset:
 
         path = self._data_file(self.episodes[number])
         columns = [name for name in self.features if name not in self._videos]
-        file, (groups, counts) = self.open(path), self._groups
-        if file.num_row_groups == counts[path]:
+        file, (groups, lengths) = self.open(path), self._groups
+        if [file.metadata.row_group(i).num_rows for i in range(file.num_row_groups)] == lengths[path]:
             rows = table(file, path, columns, groups[number])
         else:  # another program's file, whose row groups are not episodes
             full_table = table(file, path, [*dict.fromkeys([*columns, "episode_index"])])
