@@ -105,6 +105,13 @@ def test_a_clock_that_runs_on_between_episodes_changes_nothing(pressed):
     assert noise[1] == pytest.approx(noise[0], rel=0.01)
 
 
+def test_torques_that_begin_after_the_rest_at_the_start_are_refused_in_a_line(pressed):
+    rec = numb(pressed)
+    late = np.where((rec.time < rec.time[0] + 0.6)[:, None], np.nan, rec.tau)
+    with pytest.raises(UserError, match="no joint torques at the start"):
+        evidence_of([replace(rec, tau=late)])
+
+
 @pytest.mark.parametrize("zeros", [(0.0,), (0.0, 5.0), (3.0, -1.0, 2.0)])
 def test_the_noise_of_several_episodes_is_that_within_each(zeros):
     """Each episode has its own zero (N), which is no noise."""

@@ -1,9 +1,9 @@
 """Contact without a wrist force sensor: the wrench estimated from joint torques, and its uncertainty.
 
 A joint torque error that lasts longer than a block (see `vispeg.sim.external`) is a wrench error in a direction given
-by the posture. It enters as one nuisance per joint and second, so that a verdict rests only on what joint errors cannot
-explain. Directions that are unobservable in a posture get a nuisance of the size of any plausible wrench, block by
-block (`vispeg.contact.errors.nuisance`).
+by the posture. It enters as a nuisance parameter per joint and second, so that a verdict rests only on what joint errors
+cannot explain. A direction of the wrench that the torques do not show gets a nuisance parameter per block, as wide as
+any plausible wrench (`vispeg.contact.errors.nuisance`).
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.contact.touch import refuse_without_torques
+from vispeg.core.errors import UserError
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.differentiate import episodes
 from vispeg.recordings.recording import Recording
@@ -42,11 +43,19 @@ def estimated(rec: Recording, scene: Scene) -> tuple[Recording, External]:
 
 
 def calm(rec: Recording, estimate: External) -> Recording:
-    """Return the recording with the noise of the estimated wrench per sample as stated noise, for detecting contact."""
+    """Return the recording with the noise of the estimated wrench per sample as stated noise, for detecting contact.
+
+    Raises:
+        UserError: no episode has torques at its start, where the arm rests.
+    """
     read = np.isfinite(estimate.wrench.sum(axis=1))
     runs = episodes(rec.time, rec.episode)
     starts = [rows[(rec.time[rows] <= rec.time[rows[0]] + STILL) & read[rows]] for rows in runs]
-    sigma = np.sqrt(np.mean([estimate.wrench[start].var(axis=0) for start in starts if len(start)], axis=0))
+    scatter = [estimate.wrench[start].var(axis=0) for start in starts if len(start) > 1]
+    if not scatter:
+        expected = f"joint torques in the first {STILL:g} s of an episode, in which the arm rests"
+        raise UserError("no joint torques at the start", file=rec.path, key="tau.*", expected=expected)
+    sigma = np.sqrt(np.mean(scatter, axis=0))
     force, torque = (float(sigma[part].mean()) for part in (slice(0, 3), slice(3, 6)))
     return replace(rec, noise={**rec.noise, "ft": force, "ft_torque": torque})
 
@@ -58,7 +67,7 @@ def said(rec: Recording, estimate: External) -> str:
     level = np.sqrt(np.mean(estimate.sigma[complete] ** 2, axis=0)) if complete.any() else sigma
     accuracy = ", ".join(f"{axis} {v:.2g}" for axis, v in zip(AXES, level[:3], strict=True))
     text = f"{rec.name}: no force sensor; the wrench is estimated from joint torques. Friction and hysteresis make it"
-    text += f" uncertain by {accuracy} N along the flange's axes: intervals are wider, and joints are not diagnosed too"
+    text += f" uncertain by {accuracy} N along the flange's axes: intervals are wider, and joints are not diagnosed"
     if complete.all():
         return text
     worst = estimate.blind[int(np.argmax(np.abs(estimate.blind).sum(axis=(1, 2))))]
