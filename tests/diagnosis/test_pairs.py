@@ -7,7 +7,7 @@ from loops import pendulum
 from vispeg.api.fit import fit
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.evidence.starts import begun
+from vispeg.diagnosis.evidence.starts import with_start_values
 from vispeg.diagnosis.proposal import placed, propose
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.pairs import pairs
@@ -69,8 +69,8 @@ def test_a_pair_promises_what_a_rollout_at_its_guesses_removes(search):
 def test_a_fit_without_a_start_value_begins_where_it_has_a_slope(search):
     recordings = search.evidence.recordings[:1]
     world = World(pendulum().source).add(SERVO, EffectInstance.of("goal_rate_limit", "hinge"))
-    started = begun(search.evidence, world, [1]).effects[1].params["rate"].value
-    assert started < 10.0 and begun(search.evidence, world, []) == world
+    started = with_start_values(search.evidence, world, [1]).effects[1].params["rate"].value
+    assert started < 10.0 and with_start_values(search.evidence, world, []) == world
     robot = World(pendulum().source).add(SERVO)
     out = fit(robot, recordings, ["goal_rate_limit:hinge"], method="least-squares", threads=1)
     assert out.effects[0].params["rate"].value == pytest.approx(1.0, rel=0.02)

@@ -9,12 +9,13 @@ pytest.importorskip("viser", reason="the extra 'view' is not installed")
 
 import vispeg
 from vispeg.core.assets import assets
+from vispeg.core.files import set_aside
 from vispeg.datasets.layout import colour_of
 from vispeg.datasets.opening import open_dataset
 from vispeg.view.frames import Frames
 from vispeg.view.opened import opened
 from vispeg.view.place import CELL
-from vispeg.view.run_folder import read
+from vispeg.view.run_folder import read, runs_in
 from vispeg.view.run_page import RunPage
 
 COLUMNS = "steps,seconds,updates,success,reward,failures,critic_loss"
@@ -74,6 +75,12 @@ def test_a_run_is_read_as_it_was_written(run):
     assert made.checkpoints == ("best",) and [f.name for f in made.films] == ["7-<i>x<.mp4"]
     found = opened([str(run.parent)])
     assert found.page == "Training" and found.run == str(run.parent)
+
+
+def test_a_run_that_is_being_replaced_is_not_listed(run):
+    with set_aside(run, lambda: False):
+        shutil.copytree(next(run.parent.glob(".s0.*.old")), run)
+        assert runs_in(run.parent) == runs_in(run.parent.parent) == [run]
 
 
 def test_several_runs_stand_in_the_same_curves(run, served, monkeypatch):

@@ -13,7 +13,7 @@ from vispeg.core.effect import ARM, Effect, effect
 from vispeg.diagnosis import compare, run
 from vispeg.diagnosis.compare import Comparison
 from vispeg.diagnosis.drift import drifts
-from vispeg.diagnosis.evidence.starts import begun
+from vispeg.diagnosis.evidence.starts import with_start_values
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.traces import arrays, traces
 from vispeg.identify.evidence import Evidence
@@ -70,7 +70,7 @@ class Joints(Channel):
 
     def begin(self, evidence: Evidence, world: World, unstated: Sequence[int]) -> World:
         """Estimate start values of `unstated` effects for which a typical size is a bad start: a servo, a limit."""
-        return begun(evidence, world, unstated)
+        return with_start_values(evidence, world, unstated)
 
     def drawn(self, evidence: Evidence, worlds: Sequence[World]) -> dict[str, np.ndarray]:
         """Return measured and predicted angles or torques of every joint."""

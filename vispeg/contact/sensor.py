@@ -16,12 +16,12 @@ REACH = 0.8  # m, converts joint angles to the flange's position
 
 
 def hand_world(believed: World, world: World) -> World:
-    """Return the effects of a world that a wrench can show, added to the believed cell."""
+    """Return the believed cell with the effects of a world that change a wrench."""
     return believed.add(*world.effects).only(lambda e: shows(effect(e.effect), "wrench"))
 
 
 def true_wrench(path: Path, world: World) -> np.ndarray:
-    """Return the true wrench on the tool (n, 6) N, N m, if the sensor has the errors that it has in the world."""
+    """Return the true wrench on the tool (n, 6) N, N m: the readings without the world's sensor errors."""
     wrench = reaction(path.wrench)
     placed = [(effect(e.effect), e.params) for e in world.effects]
     for kind, params in sorted(placed, key=lambda p: -p[0].order):
@@ -31,7 +31,7 @@ def true_wrench(path: Path, world: World) -> np.ndarray:
 
 
 def true_per_read(path: Path, world: World) -> float:
-    """Return the true force change per newton of a constant reading."""
+    """Return the change of the true force, N, per newton by which a constant reading changes."""
     if not any(effect(e.effect).overrides("wrench") for e in world.effects):
         return 1.0
     constant = replace(path, wrench=np.ones_like(path.wrench))

@@ -1,9 +1,9 @@
 """Contact without a wrist force sensor: the wrench estimated from joint torques, and its uncertainty.
 
 A joint torque error that lasts longer than a block (see `vispeg.sim.external`) is a wrench error in a direction given
-by the posture. It enters as a nuisance parameter per joint and second, so that a verdict rests only on what joint errors
-cannot explain. A direction of the wrench that the torques do not show gets a nuisance parameter per block, as wide as
-any plausible wrench (`vispeg.contact.errors.nuisance`).
+by the posture. It enters as a nuisance parameter per joint and second, so that a verdict rests only on what joint
+errors cannot explain. A direction of the wrench that the torques do not show gets a nuisance parameter per block, as
+wide as any plausible wrench (`vispeg.contact.errors.nuisance`).
 """
 
 from __future__ import annotations

@@ -222,10 +222,10 @@ class Linear:
         first: for each column the first column of the same entry, that of a magnitude.
         shift: for each column whether it belongs to a moment.
         bounds: (2, k) of the coefficients of the k columns.
-        apart: (nentry, nentry) bool, whether two entries may be in one set.
+        compatible: (nentry, nentry) bool, whether two entries may be in one set.
         prior: (k,) standard deviations P^1/2 of the coefficients.
         parts: for each side the sums X'X, X'y and y'y of each joint, columns multiplied by `prior`.
-        price: log of the number of entries.
+        price: log of the number of entries, by which each effect of a set lowers L.
         gram, slope, total: the fitted sums, weighted and added over joints; `held` has the same of the held-out rows.
         matrix: A of all columns.
     """
@@ -234,8 +234,8 @@ class Linear:
         self.sides, self.floor, own = sides, floor, sides[0].drives
         variants = [v for probe in candidates for v in probe.variants]
         starts = np.cumsum([0, *(len(p.variants) for p in candidates)])
-        moments = zip(starts, candidates, strict=False)
-        lead = np.concatenate([[-1] * len(p.names) + [k] * len(p.moments) for k, p in moments]).astype(int)
+        numbered = zip(starts, candidates, strict=False)
+        lead = np.concatenate([[-1] * len(p.names) + [k] * len(p.moments) for k, p in numbered]).astype(int)
         sums = [_sums(side, variants, lead) for side in sides]
         self.entries: list[Signature] = []
         self.of: list[np.ndarray] = []
@@ -256,7 +256,7 @@ class Linear:
             [np.arange(len(rows)) >= len(s.names) for s, rows in zip(self.entries, self.of, strict=True)]
         )
         keys = [s.key for s in self.entries]
-        self.apart = np.array([[not _exclude(a, b) for b in keys] for a in keys])
+        self.compatible = np.array([[not _exclude(a, b) for b in keys] for a in keys])
         self.prior = np.concatenate([_width(s) for s in self.entries])
         self.parts = [
             (gram[:, kept][:, :, kept] * np.outer(self.prior, self.prior), slope[:, kept] * self.prior, total)
@@ -436,8 +436,8 @@ class Linear:
         return np.concatenate([self.of[k] for k in chosen]) if len(chosen) else np.zeros(0, int)
 
     def _free(self, chosen: Sequence[int]) -> list[int]:
-        """Return the entries that may be added to the chosen ones: none that describes the same as one of them."""
-        return np.flatnonzero(self.apart[list(chosen)].all(axis=0)).tolist()
+        """Return the entries that are compatible with all chosen ones."""
+        return np.flatnonzero(self.compatible[list(chosen)].all(axis=0)).tolist()
 
     def _label(self, k: int) -> str:
         return self.entries[k].probe.label

@@ -79,7 +79,7 @@ class SimulatedRobot:
         """Let the task judge the time since it last did."""
         self.sim.seen.see(*self.measured)
         _, terminated, _, records = self.sim.settle(np.array(self._force), np.array(self._felt))
-        if terminated[0]:  # the end of the time is the loop's, which begins with the policy and may be slowed
+        if terminated[0]:  # a timeout is left to the run loop: its clock starts with the policy and may run slower
             self.ended = self.ended or records[0]
         self._force, self._felt = [], []
 
@@ -110,9 +110,9 @@ class SimulatedRobot:
         return out
 
     def over(self) -> bool:
-        """Return whether the episode has ended; to be called when a policy period ends, for the task to judge it.
+        """Return whether the episode has ended; call it at the end of a policy period.
 
-        The host's clock differs from the robot's, so that a period in progress is judged from half its length on.
+        The host's clock and the robot's differ, so the task also judges a period of which at least half is over.
         """
         if 2 * len(self._force) >= self.config.ticks:
             self._judge()
@@ -133,12 +133,18 @@ class SimulatedRobot:
 
 
 def serve(robot: SimulatedRobot, link: socket.socket, latency: float) -> None:
-    """Run the robot in real time and answer requests, with this latency (s), until the other side disconnects."""
+    """Run the robot in real time and answer requests until the other side disconnects.
+
+    Args:
+        robot: the robot.
+        link: the connected socket.
+        latency: delay of commands and of readings, s; pictures are not delayed.
+    """
     period, rng = robot.config.control_period, stream(time.time_ns() % 2**31, "robot's clock")
     offset = float(rng.uniform(1e3, 1e6))  # a real robot's clock does not begin at 0 either
-    # the robot's time and its reading then, the oldest first: clients get the oldest, which is `latency` old
+    # (time, reading), the oldest first; a client gets the oldest, which is `latency` old
     past: deque[tuple[float, dict[str, np.ndarray]]] = deque(maxlen=max(1, round(latency / period) + 1))
-    commands: deque[tuple[float, np.ndarray]] = deque()  # the robot's time at which each takes effect, the flange pose
+    commands: deque[tuple[float, np.ndarray]] = deque()  # (time at which it takes effect, pose of the flange)
     begun, connected = time.monotonic(), False
     while True:
         due = begun + (robot.ticks + 1) * period

@@ -29,7 +29,7 @@ class SocketRobot:
     """Drive a simulated robot through a loopback socket.
 
     Args:
-        text: WORLD, or WORLD?latency=SECONDS, the delay of each command and of each reading.
+        text: WORLD, or WORLD?latency=SECONDS, the delay of each command and of each reading but its pictures.
     """
 
     def __init__(self, text: str):

@@ -34,9 +34,8 @@ def free_port(asked: int | None) -> int:
         raise UserError("is no port", key="--port", expected="1 to 65535", got=asked)
     for port in range(PORT, PORT + NEXT) if asked is None else (asked,):
         with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as trial:
-            trial.setsockopt(
-                socket.SOL_SOCKET, socket.SO_REUSEADDR, 1
-            )  # as the server does: a port that was just closed counts as free
+            # as the server does: a port that was just closed counts as free
+            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
                 trial.bind((HOST, port))
                 return port
@@ -116,10 +115,10 @@ def opener(folder: Path, url: str) -> Path:
 
 
 def limit_uploads(server: Any, most: int = UPLOADS) -> None:
-    """Limit a toolkit's server to `most` bytes of dropped files in all, and each file to its announced size.
+    """Limit a viser server to `most` bytes of dropped files in all, and each file to its announced size.
 
-    The toolkit keeps dropped files in memory and has no limit of its own, so its two handlers are wrapped. The handlers
-    of its sharing feature, a tunnel through an outside server, are removed.
+    viser keeps dropped files in memory without a limit, so its two handlers of uploads are wrapped. The handlers of its
+    sharing, a tunnel through an outside server, are removed.
     """
     from viser import _messages as messages
 

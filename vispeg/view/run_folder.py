@@ -42,10 +42,13 @@ def is_run(path: Path) -> bool:
 
 
 def runs_in(path: Path) -> list[Path]:
-    """Return the runs in a folder: itself, or those one or two levels below, the most recently written first."""
+    """Return the runs in a folder: itself, or those one or two levels below, the most recently written first.
+
+    A run that is being replaced, `.NAME.XXXXXXXX.old`, is not one of them.
+    """
     if is_run(path):
         return [path]
-    runs = [p for pattern in ("*", "*/*") for p in path.glob(pattern) if p.is_dir() and is_run(p)]
+    runs = [p for pattern in ("[!.]*", "[!.]*/[!.]*") for p in path.glob(pattern) if p.is_dir() and is_run(p)]
     return sorted(runs, key=lambda p: -max(f.stat().st_mtime for f in p.iterdir()))
 
 

@@ -1,4 +1,4 @@
-"""Start values for distant effects: near null they change nothing, so a fit cannot start there (`Effect.distant`)."""
+"""Start values of distant effects, which change nothing near null, so that a fit cannot start there."""
 
 from __future__ import annotations
 
@@ -16,10 +16,16 @@ from vispeg.identify.fit import squares
 from vispeg.worlds.world import World
 
 
-def begun(evidence: Evidence, world: World, asked: Sequence[int]) -> World:
-    """Return the world with the distant joint effects among those at `asked` set to their best guesses.
+def with_start_values(evidence: Evidence, world: World, asked: Sequence[int]) -> World:
+    """Return the world with start values for its distant effects (`Effect.distant`) in joints.
 
-    The guesses and present values of one joint's effects are tried in all combinations, joint by joint.
+    Joint by joint, all combinations of present and guessed values of the joint's distant effects are simulated; the one
+    with the smallest residual is taken.
+
+    Args:
+        evidence: the recordings to which the world will be fitted.
+        world: the world.
+        asked: indices of the effects that may change; others than distant ones in joints stay.
     """
     joints = evidence.items[0].robot.joints
     places = {i: world.effects[i].where for i in asked if effect(world.effects[i].effect).distant}

@@ -28,7 +28,10 @@ class BorderSearch(PictureSearch):
         return (*super().ways(state), self._replace)
 
     def _replace(self, state: State) -> bool:
-        """Replace all effects by a simpler one, or one by a better; return whether so. What was replaced stays out."""
+        """Replace all effects by one that fits as well, or one effect by a better one; return whether one was removed.
+
+        Removed effects are not added again.
+        """
         better, before = self._simpler(state) or self._exchange(state), state.world.effects
         if better is None:
             return False
@@ -39,11 +42,14 @@ class BorderSearch(PictureSearch):
         return bool(gone)
 
     def doubt(self, placed: EffectInstance, added: World, without: World, n_fixed: int) -> str:
-        """Return why it must not be named, or "": others can replace it, or the two recordings disagree on it."""
+        """Return why an effect must not be named, or "": others imitate it, or the two recordings disagree on it."""
         return agreement(self, added, without, n_fixed).doubt(self.least_of(placed))
 
     def least_of(self, placed: EffectInstance) -> float:
-        """Return the least change; it is less for effects of time, which no error of appearance imitates."""
+        """Return the smallest change of the images, px, with which an effect may be named.
+
+        It is smaller for effects of time, because errors of appearance do not imitate them.
+        """
         return RULES.moving_px if placed.effect in OF_TIME else self.least
 
     def _simpler(self, state: State) -> tuple[Trial, list[Trial]] | None:
@@ -52,7 +58,7 @@ class BorderSearch(PictureSearch):
         None if there is none. The trials are those of the first step, which each add one effect to the user's model.
         """
         first = state.steps[0][1] if state.steps else []
-        # none beside effects that are refitted
+        # without those that also refit other effects
         trials = [t for t in first if len(t.fit.world.effects) == state.n_fixed + 1]
         if len(state.added) < 2 or not trials:
             return None
@@ -101,9 +107,11 @@ class Agreement:
     def doubt(self, least: float) -> str:
         """Return why the effect must not be named, or ""; `least` px is the change due to errors of appearance."""
         if self.size < least:
-            return f"others do all but {self.size:.2f} px of what it does, under {least:.2f}"
+            return f"other effects imitate its change of the images to within {self.size:.2f} px, less than {least:.2f}"
         if self.apart > RULES.views_apart * self.size:
-            return f"two recordings differ by {self.apart:.2f} px on the {self.size:.2f} px that it does"
+            return (
+                f"its change of the images, {self.size:.2f} px, differs by {self.apart:.2f} px between two recordings"
+            )
         return ""
 
 
